@@ -1,0 +1,242 @@
+"""The command line: what it hands to the renderer, what it says, and how it ends."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import warpmis
+from warpmis.cli import main
+from warpmis.config import RenderConfig
+from warpmis.errors import StageError
+from warpmis.progress import Progress
+from warpmis.result import RenderResult
+
+
+class FakeRender:
+    """Stands in for warpmis.render: keeps what it was called with, and returns a small picture or raises."""
+
+    def __init__(self) -> None:
+        self.stage = ""
+        self.options: dict[str, Any] = {}
+        self.error: BaseException | None = None
+        self.stats: dict[str, Any] = {"seconds": {"load": 0.1, "learn": 1.0, "render": 3.0}, "samples": 8_000_000}
+
+    @property
+    def config(self) -> RenderConfig:
+        config = self.options["config"]
+        assert isinstance(config, RenderConfig)
+        return config
+
+    def __call__(self, stage: str, **options: Any) -> RenderResult:
+        self.stage, self.options = stage, options
+        if self.error is not None:
+            raise self.error
+        if options["progress"] is not None:
+            options["progress"](Progress("load", 0, 0, 0, 0.0))
+            options["progress"](Progress("learn", 50, 100, 50, 0.5, "round 3/8"))
+        count = len(self.config.strategies)
+        zeros, rgb = np.zeros((4, 6), np.float32), np.zeros((4, 6, 3), np.float32)
+        return RenderResult(
+            image=rgb, alpha=zeros, albedo=rgb, normal=rgb, depth=zeros, samples=zeros, variance=zeros,
+            allocation=np.full((4, 6, count), 1.0 / count, np.float32), strategies=self.config.strategies,
+            stats=self.stats, name=stage, settings=self.config.to_dict(),
+            warnings=("/A: Volume is not supported", "/B: odd\nshader", "/A: Volume is not supported"),
+            notes=("no light: a dome of radiance 1",),
+        )  # fmt: skip
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeRender:
+    render = FakeRender()
+    monkeypatch.setitem(vars(warpmis), "render", render)  # setattr would import the renderer to remember it
+    monkeypatch.chdir(tmp_path)
+    return render
+
+
+# ---- arguments ------------------------------------------------------------------------------------------------------
+
+
+def test_defaults_are_left_to_the_stage(fake: FakeRender) -> None:
+    assert main(["render", "scenes/box.usda"]) == 0
+    assert fake.stage == "scenes/box.usda"
+    assert set(fake.options) == {"config", "progress"}
+    assert fake.config.to_dict() == RenderConfig().to_dict()
+    assert Path("box.exr").is_file()
+
+
+def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
+    learning = "--learn-rounds 4 --learn-spp 2 --initial-allocation 0.25,0.75".split()
+    stage = "--camera /Cam --image-width 320 --purposes render,proxy --render-settings-prim-path /Render/A".split()
+    render = "--spp 32 --method murray20 --strategies light,bsdf --max-depth 3 --seed 7 --device cuda:0 --threads 2"
+    assert main(["render", "box.usda", "out.exr", *stage, *render.split(), *learning]) == 0
+    options = {name: fake.options[name] for name in ("camera", "purposes", "render_settings")}
+    assert options == {"camera": "/Cam", "purposes": ("render", "proxy"), "render_settings": "/Render/A"}
+    assert fake.config.to_dict() == {
+        "width": 320, "spp": 32, "method": "murray20", "strategies": ["light", "bsdf"], "allocation": None,
+        "max_depth": 3, "seed": 7, "device": "cuda:0", "threads": 2,
+        "learn": {"rounds": 4, "spp": 2, "initial_allocation": [0.25, 0.75]},
+    }  # fmt: skip
+    assert Path("out.exr").is_file()
+
+
+@pytest.mark.parametrize(
+    "options", ["-cam /Cam -w 320 -rs /Render/A", "--camera /Cam --imageWidth 320 --renderSettingsPrimPath /Render/A"]
+)
+def test_usdrecord_spellings(fake: FakeRender, options: str) -> None:
+    assert main(["render", "box.usda", *options.split()]) == 0
+    assert fake.options["camera"] == "/Cam"
+    assert fake.options["render_settings"] == "/Render/A"
+    assert fake.config.width == 320
+
+
+def test_fixed_allocation(fake: FakeRender) -> None:
+    assert main("render box.usda --method fixed --allocation 0.2,0.8".split()) == 0
+    np.testing.assert_allclose(fake.config.allocation, [0.2, 0.8])
+
+
+# ---- exit status and what is said -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--spp 0", "warpmis: error: samples per pixel (spp) must be at least 1, got 0"),
+        ("--method magic", "unknown method 'magic'"),
+        ("--strategies bsdf,magic", "unknown strategy 'magic'"),
+        ("--method fixed", "needs an allocation"),
+        ("--png a.jpg", "a.jpg: the file's name must end in .png"),
+        ("--png a.png --balance-map ./a.png", "name the same file"),
+    ],
+)
+def test_bad_settings_are_usage_errors(
+    fake: FakeRender, capsys: pytest.CaptureFixture[str], options: str, message: str
+) -> None:
+    assert main(["render", "box.usda", *options.split()]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert not fake.options, "nothing was rendered"
+
+
+def test_picture_as_out_is_a_usage_error(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "box.usda", "out.png"]) == 2
+    assert "must end in .exr; use --png for a picture" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["", "render", "render a.usda --spp many", "render a.usda --purposes magic", "render a.usda --allocation half",
+     "render a.usda --sp 4"],
+)  # fmt: skip
+def test_unreadable_arguments_are_usage_errors(fake: FakeRender, arguments: str) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments.split())
+    assert exit_.value.code == 2
+
+
+@pytest.mark.parametrize("option", ["OUT", "--png", "--balance-map"])
+def test_missing_folder_is_found_before_rendering(
+    fake: FakeRender, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    target = ["nowhere/a.exr"] if option == "OUT" else [option, "nowhere/a.png"]
+    assert main(["render", "box.usda", *target]) == 1
+    assert "the folder nowhere does not exist; create it first" in capsys.readouterr().err
+    assert not fake.options
+
+
+def test_stage_error_names_the_prim(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.error = StageError("no such\ncamera", "/World/Cam")
+    assert main(["render", "box.usda"]) == 1
+    assert capsys.readouterr().err == "warpmis: error: /World/Cam: no such camera\n"
+    assert not Path("box.exr").exists()
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_unexpected_error_is_one_line_unless_the_traceback_is_wanted(
+    fake: FakeRender, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, wanted: bool
+) -> None:
+    if wanted:
+        monkeypatch.setenv("WARPMIS_TRACEBACK", "1")
+    fake.error = KeyError("lost")
+    assert main(["render", "box.usda"]) == 1
+    said = capsys.readouterr().err
+    assert "warpmis: error: internal error: KeyError: 'lost' (run with WARPMIS_TRACEBACK=1 for the traceback)" in said
+    assert ("Traceback" in said) == wanted
+
+
+def test_interrupt(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.error = KeyboardInterrupt()
+    assert main(["render", "box.usda"]) == 130
+    assert capsys.readouterr().err == "warpmis: error: interrupted\n"
+
+
+def test_messages_and_summary(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "box.usda", "--spp", "16"]) == 0
+    captured = capsys.readouterr()
+    warning, odd, note, summary = captured.err.splitlines()
+    assert warning == "warpmis: warning: /A: Volume is not supported"
+    assert odd == "warpmis: warning: /B: odd shader"
+    assert note == "warpmis: note: no light: a dome of radiance 1"
+    assert summary.startswith("warpmis: box.exr: 6 x 4, 16 spp, ")
+    assert summary.endswith(" s, 2.00 Msamples/s")
+    assert captured.out == ""
+
+
+def test_quiet_says_nothing(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "box.usda", "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_json(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.stats |= {"rays": np.int64(5), "worst": np.float32(np.inf), "per_round": np.array([1.0, np.nan])}
+    assert main(["render", "box.usda", "--json", "--png", "box.png", "--balance-map", "map.png"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert set(report) == {
+        "output", "png", "balance_map", "version", "stage", "strategies", "settings", "stats", "warnings", "notes",
+    }  # fmt: skip
+    assert (report["output"], report["png"], report["balance_map"]) == ("box.exr", "box.png", "map.png")
+    assert report["settings"] == RenderConfig().to_dict()
+    assert report["stats"]["rays"] == 5
+    assert report["stats"]["worst"] is None
+    assert report["stats"]["per_round"] == [1.0, None]
+    assert report["warnings"] == ["/A: Volume is not supported", "/B: odd\nshader"]
+    assert Path("box.png").is_file() and Path("map.png").is_file()
+
+
+def test_progress_is_shown_on_a_terminal_alone(fake: FakeRender, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert main(["render", "box.usda"]) == 0
+    assert "learn round 3/8" in terminal.getvalue()
+    assert main(["render", "box.usda", "--quiet"]) == 0
+    assert fake.options["progress"] is None
+
+
+# ---- as a program ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["render", "--help"]])
+def test_runs_as_a_module(arguments: list[str]) -> None:
+    command = [sys.executable, "-m", "warpmis", *arguments]
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert output == f"warpmis {warpmis.__version__}\n" if arguments == ["--version"] else "--spp" in output
+
+
+def test_errors_of_a_program_have_no_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "warpmis", "render", "box.usda", str(tmp_path / "nowhere" / "a.exr")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.startswith("warpmis: error: ") and done.stderr.count("\n") == 1

@@ -1,0 +1,161 @@
+"""Settings are checked where they are built, and each message is one line that names the remedy."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warpmis.config import LearnConfig, RenderConfig
+from warpmis.errors import ConfigError
+
+
+def fixed(allocation: Any, **settings: Any) -> RenderConfig:
+    return RenderConfig(method="fixed", allocation=allocation, **settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"spp": 0}, "samples per pixel (spp) must be at least 1, got 0"),
+        ({"spp": 2.5}, "must be a whole number"),
+        ({"spp": True}, "must be a whole number"),
+        ({"width": 0}, "image width must be at least 1"),
+        ({"threads": 0}, "threads must be at least 1"),
+        ({"max_depth": -1}, "max depth must be at least 0"),
+        ({"seed": -1}, "seed must be from 0 to 4294967295"),
+        ({"seed": 2**32}, "seed must be from 0 to 4294967295"),
+        ({"device": "gpu"}, "choose cpu, cuda or cuda:0"),
+        ({"method": "magic"}, "unknown method 'magic'; choose one of bsdf, balance, nee, fixed, murray20"),
+        ({"strategies": ("bsdf", "magic")}, "unknown strategy 'magic'; choose from bsdf, light"),
+        ({"strategies": ("bsdf", "bsdf")}, "name each once"),
+        ({"strategies": ()}, "name at least one strategy"),
+        ({"strategies": "bsdf"}, "must be a tuple of names"),
+        ({"strategies": ("bsdf",)}, "name two, such as bsdf,light"),
+        ({"method": "bsdf", "strategies": ("light",)}, "drop the strategies"),
+        ({"allocation": (0.5, 0.5)}, "drop the allocation, or take method 'fixed'"),
+        ({"method": "fixed"}, "method 'fixed' needs an allocation: one share for each of bsdf, light"),
+    ],
+)
+def test_rejects_with_a_remedy(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        RenderConfig(**settings)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("allocation", "message"),
+    [
+        ((0.5, 0.6), "must sum to 1, got 1.1"),
+        ((0.0, 0.0), "must sum to 1, got 0"),
+        ((-0.5, 1.5), "not negative"),
+        ((np.nan, 1.0), "finite"),
+        ((1.0,), "shape (2,) or (H, W, 2)"),
+        (np.full((4, 2), 0.5), "got shape (4, 2)"),
+        (np.full((4, 4, 3), 1 / 3), "got shape (4, 4, 3)"),
+        ((), "one share per strategy"),
+        (1.0, "one share per strategy"),
+        ("half", "must be numbers"),
+        (((0.5, 0.5), (1.0,)), "must be numbers"),
+    ],
+)
+def test_rejects_an_allocation_off_the_simplex(allocation: Any, message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        fixed(allocation)
+    assert message in str(error.value)
+
+
+def test_worst_pixel_decides() -> None:
+    shares = np.full((3, 3, 2), 0.5)
+    shares[1, 2] = (0.5, 0.4)
+    with pytest.raises(ConfigError, match=r"must sum to 1, got 0\.9;"):
+        fixed(shares)
+
+
+@pytest.mark.parametrize("allocation", [(0.25, 0.75), [0.25, 0.75], np.tile(np.float16([0.25, 0.75]), (2, 3, 1))])
+def test_allocation_becomes_a_float32_copy(allocation: Any) -> None:
+    kept = fixed(allocation).allocation
+    assert isinstance(kept, np.ndarray) and kept.dtype == np.float32
+    assert kept.shape == np.shape(allocation)
+    assert not np.shares_memory(kept, allocation) if isinstance(allocation, np.ndarray) else True
+
+
+def test_allocation_within_tolerance_is_normalised() -> None:
+    kept = fixed((0.33333, 0.66661)).allocation
+    assert np.sum(kept) == pytest.approx(1.0, abs=1e-7)
+
+
+def test_bsdf_method_has_one_strategy() -> None:
+    assert RenderConfig(method="bsdf").strategies == ("bsdf",)
+
+
+def test_strategies_become_a_tuple() -> None:
+    assert RenderConfig(strategies=["light", "bsdf"]).strategies == ("light", "bsdf")
+
+
+def test_numpy_numbers_become_plain() -> None:
+    config = RenderConfig(spp=np.int64(64), seed=np.uint32(7), learn=LearnConfig(rounds=np.int32(2)))
+    assert [type(value) for value in (config.spp, config.seed, config.learn.rounds)] == [int, int, int]
+
+
+# ---- learning -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("spp", "learn", "expected"),
+    [(256, LearnConfig(), 16), (8, LearnConfig(), 1), (100, LearnConfig(rounds=3), 16), (64, LearnConfig(spp=5), 5)],
+)
+def test_learning_takes_half_of_the_budget_unless_told(spp: int, learn: LearnConfig, expected: int) -> None:
+    assert RenderConfig(spp=spp, learn=learn).learn_spp() == expected
+
+
+def test_learning_within_the_budget() -> None:
+    RenderConfig(spp=64, learn=LearnConfig(rounds=8, spp=8))
+    with pytest.raises(
+        ConfigError, match=r"8 learn rounds of 9 samples per pixel exceed .* 64; raise spp to 72 or more"
+    ):
+        RenderConfig(spp=64, learn=LearnConfig(rounds=8, spp=9))
+
+
+def test_budget_concerns_the_learning_method_alone() -> None:
+    RenderConfig(spp=1, method="balance")
+    with pytest.raises(ConfigError, match="or take fewer learn rounds"):
+        RenderConfig(spp=1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rounds": 0}, "learn rounds must be at least 1"),
+        ({"spp": 0}, "learn samples per pixel a round must be at least 1"),
+        ({"initial_allocation": (0.0, 1.0)}, "one positive share per strategy"),
+        ({"initial_allocation": ((0.5, 0.5),)}, "one positive share per strategy"),
+        ({"initial_allocation": (0.5, 0.6)}, "must sum to 1"),
+    ],
+)
+def test_rejects_impossible_learning(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        LearnConfig(**settings)
+
+
+def test_initial_allocation_has_a_share_for_each_strategy() -> None:
+    with pytest.raises(ConfigError, match="initial allocation must have 2 shares, one for each of bsdf, light, got 3"):
+        RenderConfig(learn=LearnConfig(initial_allocation=(0.2, 0.3, 0.5)))
+
+
+# ---- as plain values ------------------------------------------------------------------------------------------------
+
+
+def test_plain_values_are_json() -> None:
+    settings = fixed((0.25, 0.75), width=64, learn=LearnConfig(initial_allocation=(0.5, 0.5))).to_dict()
+    assert json.loads(json.dumps(settings)) == settings
+    assert settings["allocation"] == [0.25, 0.75]
+    assert settings["learn"] == {"rounds": 8, "spp": None, "initial_allocation": [0.5, 0.5]}
+
+
+def test_plain_values_name_a_picture_by_its_shape() -> None:
+    assert fixed(np.full((4, 6, 2), 0.5)).to_dict()["allocation"] == "per pixel (4, 6, 2)"
+    assert RenderConfig().to_dict()["allocation"] is None

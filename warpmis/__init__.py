@@ -1,0 +1,56 @@
+"""warpmis: a path tracer for OpenUSD stages that learns how many samples each sampling strategy deserves.
+
+`import warpmis` is cheap: the names below load what they need (pxr, Warp, OpenEXR) when they are first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from warpmis.errors import ConfigError, StageError, UnsupportedError, WarpmisError
+
+if TYPE_CHECKING:
+    from warpmis.config import LearnConfig, RenderConfig
+    from warpmis.progress import Progress
+    from warpmis.rendering import render
+    from warpmis.result import RenderResult
+    from warpmis.scene import Scene
+    from warpmis.usd import load_stage
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ConfigError",
+    "LearnConfig",
+    "Progress",
+    "RenderConfig",
+    "RenderResult",
+    "Scene",
+    "StageError",
+    "UnsupportedError",
+    "WarpmisError",
+    "__version__",
+    "load_stage",
+    "render",
+]
+
+_HOME = {
+    "LearnConfig": "warpmis.config",
+    "Progress": "warpmis.progress",
+    "RenderConfig": "warpmis.config",
+    "RenderResult": "warpmis.result",
+    "Scene": "warpmis.scene",
+    "load_stage": "warpmis.usd",
+    "render": "warpmis.rendering",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'warpmis' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,212 @@
+"""What a render is asked for: frozen settings, checked where they are built."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpmis.errors import ConfigError
+
+METHODS = ("bsdf", "balance", "nee", "fixed", "murray20")
+STRATEGIES = ("bsdf", "light")
+
+# Murray et al. 2020 clamp the share of a strategy to [0.1, 0.9] so that every kind of path stays explored.
+MIN_SHARE = 0.1
+
+# Shares typed by hand (0.333,0.333,0.334) or stored in half precision still count as summing to one.
+SUM_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnConfig:
+    """How the allocation is learned.
+
+    Attributes:
+        rounds: number of learn rounds; each ends with one Newton step.
+        spp: samples per pixel a round; None spends half of the whole budget on learning.
+        initial_allocation: share of each strategy before the first round, or None for equal shares.
+    """
+
+    rounds: int = 8
+    spp: int | None = None
+    initial_allocation: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rounds", _checked_integer("learn rounds", self.rounds, low=1))
+        if self.spp is not None:
+            object.__setattr__(self, "spp", _checked_integer("learn samples per pixel a round", self.spp, low=1))
+        if self.initial_allocation is not None:
+            shares = _checked_shares("initial allocation", self.initial_allocation)
+            if shares.ndim != 1 or shares.min() <= 0.0:
+                # A strategy that is never sampled gives the first round nothing to learn from.
+                raise ConfigError("initial allocation must be one positive share per strategy, such as 0.5,0.5")
+            object.__setattr__(self, "initial_allocation", tuple(shares.tolist()))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RenderConfig:
+    """Settings of one render.
+
+    Attributes:
+        width: image width [pixel], height following from the stage's aspect; None takes the stage's resolution.
+        spp: samples per pixel in all, learning included.
+        method: one of METHODS.
+        strategies: the sampling strategies of the mixture, in the order of the allocation's last axis.
+            Method "bsdf" makes it ("bsdf",).
+        allocation: for method "fixed": shares, shape (S,) or (H, W, S); kept as a float32 copy that sums to 1.
+        max_depth: bounces after the camera ray's hit; 0 is emission alone, 1 direct light.
+        seed: the image is a function of the scene, the settings and this number; 0 to 2^32 - 1.
+        device: a Warp device, "cpu" or "cuda:0".
+        threads: CPU threads; None takes what the process may use.
+        learn: used by method "murray20" alone.
+    """
+
+    width: int | None = None
+    spp: int = 256
+    method: str = "murray20"
+    strategies: tuple[str, ...] = STRATEGIES
+    allocation: NDArray[np.float32] | tuple[float, ...] | None = None
+    max_depth: int = 8
+    seed: int = 0
+    device: str = "cpu"
+    threads: int | None = None
+    learn: LearnConfig = field(default_factory=LearnConfig)
+
+    def __post_init__(self) -> None:
+        self._check_numbers()
+        if self.method not in METHODS:
+            raise ConfigError(f"unknown method '{self.method}'; choose one of {', '.join(METHODS)}")
+        if not re.fullmatch(r"cpu|cuda(:\d+)?", self.device):
+            raise ConfigError(f"unknown device '{self.device}'; choose cpu, cuda or cuda:0")
+        object.__setattr__(self, "strategies", _checked_strategies(self.strategies, self.method))
+        object.__setattr__(self, "allocation", self._checked_allocation())
+        if self.method == "murray20":
+            self._check_learning()
+
+    def learn_spp(self) -> int:
+        """Samples per pixel of one learn round: as set, or so that all rounds take half of the whole budget."""
+        if self.learn.spp is not None:
+            return self.learn.spp
+        return max(1, self.spp // (2 * self.learn.rounds))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as plain JSON values; a per-pixel allocation is named by its shape, not spelled out."""
+        allocation: list[float] | str | None = None
+        if isinstance(self.allocation, np.ndarray):
+            is_picture = self.allocation.ndim > 1
+            allocation = f"per pixel {self.allocation.shape}" if is_picture else self.allocation.tolist()
+        initial = self.learn.initial_allocation
+        return {
+            "width": self.width,
+            "spp": self.spp,
+            "method": self.method,
+            "strategies": list(self.strategies),
+            "allocation": allocation,
+            "max_depth": self.max_depth,
+            "seed": self.seed,
+            "device": self.device,
+            "threads": self.threads,
+            "learn": {
+                "rounds": self.learn.rounds,
+                "spp": self.learn.spp,
+                "initial_allocation": None if initial is None else list(initial),
+            },
+        }
+
+    def _check_numbers(self) -> None:
+        checked = {
+            "spp": _checked_integer("samples per pixel (spp)", self.spp, low=1),
+            "max_depth": _checked_integer("max depth", self.max_depth, low=0),
+            "seed": _checked_integer("seed", self.seed, low=0, high=2**32 - 1),
+        }
+        if self.width is not None:
+            checked["width"] = _checked_integer("image width", self.width, low=1)
+        if self.threads is not None:
+            checked["threads"] = _checked_integer("threads", self.threads, low=1)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def _checked_allocation(self) -> NDArray[np.float32] | None:
+        if self.method != "fixed":
+            if self.allocation is not None:
+                raise ConfigError(
+                    f"method '{self.method}' finds its own allocation; drop the allocation, or take method 'fixed'"
+                )
+            return None
+        if self.allocation is None:
+            raise ConfigError(f"method 'fixed' needs an allocation: one share for each of {', '.join(self.strategies)}")
+        shares = _checked_shares("allocation", self.allocation)
+        count = len(self.strategies)
+        if shares.ndim not in (1, 3) or shares.shape[-1] != count:
+            raise ConfigError(
+                f"allocation must have shape ({count},) or (H, W, {count}), a share for each of "
+                f"{', '.join(self.strategies)}, got shape {shares.shape}"
+            )
+        return shares
+
+    def _check_learning(self) -> None:
+        count = len(self.strategies)
+        if count < 2:
+            raise ConfigError("method 'murray20' shares samples between strategies: name two, such as bsdf,light")
+        initial = self.learn.initial_allocation
+        if initial is not None and len(initial) != count:
+            raise ConfigError(
+                f"initial allocation must have {count} shares, one for each of {', '.join(self.strategies)}, "
+                f"got {len(initial)}"
+            )
+        rounds, learn_spp = self.learn.rounds, self.learn_spp()
+        if rounds * learn_spp > self.spp:
+            raise ConfigError(
+                f"{rounds} learn rounds of {learn_spp} samples per pixel exceed the budget of {self.spp}; "
+                f"raise spp to {rounds * learn_spp} or more, or take fewer learn rounds or samples"
+            )
+
+
+def _checked_integer(name: str, value: object, *, low: int, high: int | None = None) -> int:
+    """The value as Python's own int, so that NumPy's do not travel into headers and JSON."""
+    wanted = f"at least {low}" if high is None else f"from {low} to {high}"
+    if not isinstance(value, int | np.integer) or isinstance(value, bool):
+        raise ConfigError(f"{name} must be a whole number, {wanted}, got {value!r}")
+    if value < low or (high is not None and value > high):
+        raise ConfigError(f"{name} must be {wanted}, got {value}")
+    return int(value)
+
+
+def _checked_strategies(strategies: Sequence[str], method: str) -> tuple[str, ...]:
+    if isinstance(strategies, str):
+        raise ConfigError(f"strategies must be a tuple of names, such as ('bsdf', 'light'), got '{strategies}'")
+    names = tuple(strategies)
+    for name in names:
+        if name not in STRATEGIES:
+            raise ConfigError(f"unknown strategy '{name}'; choose from {', '.join(STRATEGIES)}")
+    if not names:
+        raise ConfigError(f"name at least one strategy; choose from {', '.join(STRATEGIES)}")
+    if len(set(names)) < len(names):
+        raise ConfigError(f"strategies must differ, got {', '.join(names)}; name each once")
+    if method != "bsdf":
+        return names
+    if "bsdf" not in names:
+        raise ConfigError(f"method 'bsdf' samples the BSDF alone; drop the strategies ({', '.join(names)})")
+    return ("bsdf",)
+
+
+def _checked_shares(name: str, shares: object) -> NDArray[np.float32]:
+    """Shares that sum to exactly one along the last axis, as a float32 copy."""
+    try:
+        values = np.array(shares, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{name} must be numbers, one share per strategy, such as 0.5,0.5") from None
+    if values.size == 0 or values.ndim == 0:
+        raise ConfigError(f"{name} must have one share per strategy, such as 0.5,0.5, got shape {values.shape}")
+    if not np.isfinite(values).all() or values.min() < 0.0:
+        raise ConfigError(f"{name} must be finite and not negative; set every share from 0 to 1")
+    total = values.sum(axis=-1, keepdims=True)
+    worst = total.flat[np.abs(total - 1.0).argmax()]
+    if abs(worst - 1.0) > SUM_TOLERANCE:
+        raise ConfigError(f"{name} must sum to 1, got {worst:.6g}; divide the shares by their sum")
+    return np.asarray(values / total, dtype=np.float32)

@@ -1,0 +1,160 @@
+"""The scene on a device: owns the Warp arrays and trees for as long as kernels may read them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpmis.device.environment import distribution
+from warpmis.device.lights import LightTables, light_tables
+from warpmis.device.order import first_use_order, morton_order
+from warpmis.device.views import CameraView, DomeView, LightView, MaterialView, SceneView, TriangleView
+from warpmis.scene import Camera, Geometry, Material, Scene
+
+# Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
+LEAF_SIZE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceScene:
+    """A scene in a device's memory. `owned` keeps alive what the views point into."""
+
+    view: SceneView
+    camera: CameraView
+    owned: tuple[Any, ...]
+
+
+def upload(scene: Scene, device: str) -> DeviceScene:
+    """Copy a scene to a device and build its trees."""
+    geometry = ordered(scene.geometry)
+    tables = light_tables(scene, geometry)
+    with wp.ScopedDevice(device):
+        view = SceneView()
+        mesh = upload_mesh(view, geometry)
+        upload_surfaces(view, scene, geometry, tables)
+        tree = upload_lights(view, geometry, tables)
+    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree))
+
+
+def ordered(geometry: Geometry) -> Geometry:
+    """The geometry along a Morton curve; with a triangle far away at least, for a tree cannot be empty."""
+    if len(geometry.triangles) == 0:
+        return replace(
+            geometry,
+            points=np.full((3, 3), 1e10, dtype=np.float32),
+            triangles=np.array([[0, 1, 2]], dtype=np.int32),
+            normal_indices=np.full((1, 3), -1, dtype=np.int32),
+            materials=np.zeros(1, dtype=np.int32),
+            prims=np.zeros(1, dtype=np.int32),
+        )
+    order = morton_order(geometry.points, geometry.triangles)
+    kept, triangles = first_use_order(geometry.triangles[order], len(geometry.points))
+    return replace(
+        geometry,
+        points=geometry.points[kept],
+        triangles=triangles,
+        normal_indices=geometry.normal_indices[order],
+        materials=geometry.materials[order],
+        prims=geometry.prims[order],
+    )
+
+
+def upload_mesh(view: SceneView, geometry: Geometry) -> wp.Mesh:
+    points = wp.array(geometry.points, dtype=wp.vec3)
+    mesh = wp.Mesh(points, wp.array(geometry.triangles.ravel(), dtype=wp.int32), bvh_leaf_size=LEAF_SIZE)
+    view.mesh = mesh.id
+    view.points = points
+    view.indices = wp.array(geometry.triangles, dtype=wp.vec3i)
+    view.normals = wp.array(geometry.normals, dtype=wp.vec3)
+    return mesh
+
+
+def records(dtype: Any, columns: dict[str, Any], count: int) -> wp.array:
+    """An array of structs from one column a field, through the struct's own memory layout."""
+    table = np.zeros(count, dtype=dtype.numpy_dtype())
+    for name, column in columns.items():
+        table[name] = column
+    return wp.array(table, dtype=dtype)
+
+
+def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> None:
+    # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
+    double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
+    material = geometry.materials * 2 + double_sided[geometry.prims]
+    columns = {"normals": geometry.normal_indices, "material": material, "light": tables.triangle_light}
+    view.triangles = records(TriangleView, columns, len(geometry.triangles))
+    views = [material_view(m, side) for m in scene.materials or (Material(),) for side in (0, 1)]
+    view.materials = wp.array(views, dtype=MaterialView)
+
+
+def material_view(material: Material, double_sided: int) -> MaterialView:
+    """Resolve the workflow. Reference: UsdPreviewSurface specification, "Specular and metallic workflows"."""
+    view = MaterialView()
+    diffuse = np.array(material.diffuse_color)
+    reflectance = ((1.0 - material.ior) / (1.0 + material.ior)) ** 2
+    f0 = np.zeros(3)
+    if not material.lambertian:
+        if material.use_specular_workflow:
+            f0 = np.array(material.specular_color)
+        else:
+            f0 = reflectance * (1.0 - material.metallic) + diffuse * material.metallic
+            diffuse = diffuse * (1.0 - material.metallic)
+        view.coat = material.clearcoat
+    view.has_specular = int(not material.lambertian)
+    view.diffuse, view.specular_f0, view.emission = tuple(diffuse), tuple(f0), tuple(material.emissive_color)
+    # Alpha 0 would divide by 0; below features.SMOOTH_ALPHA a lobe is a mirror whatever its alpha.
+    view.alpha = max(material.roughness**2, 1e-6)
+    view.coat_f0, view.coat_alpha = reflectance, max(material.clearcoat_roughness**2, 1e-6)
+    view.opacity = material.opacity
+    view.presence = int(material.lambertian or material.opacity_mode == "presence")
+    view.double_sided = double_sided
+    return view
+
+
+def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> wp.Bvh | None:
+    view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
+    view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
+    if tables.delta_lights:
+        view.delta_lights = wp.array(tables.delta_lights, dtype=type(tables.delta_lights[0]))
+    if tables.environment is not None:
+        view.dome = dome_view(tables)
+    if len(tables.emitter_triangles) == 0:
+        return None
+    view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
+    view.emitter_cdf = wp.array(tables.emitter_cdf, dtype=float)
+    corners = geometry.points[geometry.triangles[tables.emitter_triangles]]
+    tree = wp.Bvh(wp.array(corners.min(axis=1), dtype=wp.vec3), wp.array(corners.max(axis=1), dtype=wp.vec3))
+    view.emitter_bvh = tree.id
+    return tree
+
+
+def dome_view(tables: LightTables) -> DomeView:
+    environment = tables.environment
+    assert environment is not None
+    view = DomeView()
+    view.to_world = wp.mat33(*environment.to_world.ravel())
+    view.to_dome = wp.mat33(*environment.to_world.T.ravel())
+    view.radiance = tuple(environment.radiance)
+    if environment.picture is not None:
+        tables_of_picture = distribution(environment)
+        view.picture = wp.array(environment.picture, dtype=wp.vec3)
+        view.marginal = wp.array(tables_of_picture.marginal, dtype=float)
+        view.conditional = wp.array(tables_of_picture.conditional, dtype=float)
+        view.density = wp.array(tables_of_picture.density, dtype=float)
+        view.rows, view.columns = environment.picture.shape[:2]
+    return view
+
+
+def camera_view(camera: Camera, resolution: tuple[int, int]) -> CameraView:
+    left, right, bottom, top = camera.window
+    view = CameraView()
+    view.position = tuple(camera.position)
+    view.corner = tuple(camera.forward + left * camera.right_axis + top * camera.up_axis)
+    view.across = tuple((right - left) * camera.right_axis)
+    view.down = tuple((bottom - top) * camera.up_axis)
+    view.forward = tuple(camera.forward)
+    view.width, view.height = resolution
+    return view

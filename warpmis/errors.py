@@ -1,0 +1,30 @@
+"""The exceptions that warpmis raises on purpose: each message is one line that names the place and the remedy."""
+
+
+class WarpmisError(Exception):
+    """Base of every error that warpmis raises on purpose."""
+
+
+class ConfigError(WarpmisError):
+    """A setting that cannot be honoured: unknown method, impossible sample budget, allocation off the simplex."""
+
+
+class StageError(WarpmisError):
+    """A stage that cannot be rendered: missing, unreadable, empty, or without the camera that was asked for.
+
+    Args:
+        message: what is wrong and what to do about it, in one line.
+        prim_path: the prim concerned, or the stage's file name where no prim is.
+    """
+
+    def __init__(self, message: str, prim_path: str = "") -> None:
+        super().__init__(f"{prim_path}: {message}" if prim_path else message)
+        self.prim_path = prim_path
+
+
+class UnsupportedError(StageError):
+    """A feature of the stage that warpmis cannot render at all (what it can leave out is a warning instead)."""
+
+    def __init__(self, feature: str, prim_path: str = "") -> None:
+        super().__init__(f"{feature} is not supported", prim_path)
+        self.feature = feature

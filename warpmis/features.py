@@ -1,0 +1,100 @@
+"""Which effects a scene and a run call for: everything that is static in a kernel is a field here.
+
+A kernel is generated for one Features value. What is off is absent from the kernel's source.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
+
+# Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
+SMOOTH_ALPHA = 1e-3
+
+
+@dataclass(frozen=True)
+class Features:
+    """Effects, hashable. The strategies are part of it: a run without a mixture has none.
+
+    Attributes:
+        rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
+        dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
+        specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
+        opacity: surfaces that let rays through.
+        shading_normals: normals that differ from the triangle's.
+        strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
+    """
+
+    rect_light: bool = False
+    disk_light: bool = False
+    sphere_light: bool = False
+    cylinder_light: bool = False
+    distant_light: bool = False
+    dome_constant: bool = False
+    dome_picture: bool = False
+    mesh_light: bool = False
+    delta_light: bool = False
+    specular: bool = False
+    clearcoat: bool = False
+    smooth: bool = False
+    opacity: bool = False
+    shading_normals: bool = False
+    strategies: tuple[str, ...] = ()
+
+    @classmethod
+    def all(cls, strategies: tuple[str, ...] = ()) -> Features:
+        """Every effect on: the universal kernel."""
+        on = {f.name: True for f in fields(cls) if f.type == "bool"}
+        return cls(**on, strategies=strategies)  # type: ignore[arg-type]
+
+    def with_strategies(self, strategies: tuple[str, ...]) -> Features:
+        return replace(self, strategies=strategies)
+
+
+def is_smooth(roughness: float) -> bool:
+    """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror."""
+    return roughness * roughness < SMOOTH_ALPHA
+
+
+def is_emissive(material: Material) -> bool:
+    return max(material.emissive_color) > 0.0
+
+
+def is_delta(light: object) -> bool:
+    """Whether a light has no extent in direction: a point, or a distant light of angle 0."""
+    if isinstance(light, SphereLight):
+        return light.radius == 0.0
+    return isinstance(light, DistantLight) and light.half_angle == 0.0
+
+
+def detect(scene: Scene) -> Features:
+    """The effects that the scene's triangles and lights call for; materials that no triangle uses do not count."""
+    used = [scene.materials[i] for i in np.unique(scene.geometry.materials)]
+    specular = [m for m in used if not m.lambertian]
+    coated = [m for m in specular if m.clearcoat > 0.0]
+    extended = [light for light in scene.lights if not is_delta(light)]
+    domes = [light for light in extended if isinstance(light, DomeLight)]
+
+    def has(kind: type) -> bool:
+        return any(isinstance(light, kind) for light in extended)
+
+    return Features(
+        rect_light=has(RectLight),
+        disk_light=has(DiskLight),
+        sphere_light=has(SphereLight),
+        cylinder_light=has(CylinderLight),
+        distant_light=has(DistantLight),
+        # Several domes are added up: one picture among them makes the sum a picture.
+        dome_constant=bool(domes) and all(d.picture is None for d in domes),
+        dome_picture=any(d.picture is not None for d in domes),
+        mesh_light=any(is_emissive(m) for m in used),
+        delta_light=len(extended) < len(scene.lights),
+        specular=bool(specular),
+        clearcoat=bool(coated),
+        smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
+        opacity=any(m.opacity < 1.0 for m in used),
+        shading_normals=bool((scene.geometry.normal_indices >= 0).any()),
+    )

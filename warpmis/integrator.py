@@ -1,0 +1,122 @@
+"""The run on the device: the kernels, the buffers that they fill, and the threads that launch them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpmis.config import MIN_SHARE, RenderConfig
+from warpmis.device.film import allocate_film
+from warpmis.device.upload import DeviceScene
+from warpmis.errors import ConfigError
+from warpmis.features import Features
+from warpmis.kernels.moments import moment_count
+from warpmis.kernels.trace import make_trace
+from warpmis.learn.newton import make_newton
+from warpmis.learn.schedule import LEARNING_METHODS, Round
+
+# Pixel samples of one launch: some tens of milliseconds on a CPU thread, so that progress moves and threads share.
+CPU_LAUNCH = 1 << 15
+GPU_LAUNCH = 1 << 24
+
+
+def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
+    """The shares before the first round, shape (H * W, S)."""
+    count = len(config.strategies)
+    shares: NDArray[np.float32] = np.full(count, 1.0 / count, dtype=np.float32)
+    if config.method == "fixed":
+        assert config.allocation is not None
+        shares = np.asarray(config.allocation, dtype=np.float32)
+        if shares.ndim == 3 and shares.shape[:2] != (height, width):
+            raise ConfigError(
+                f"the allocation map is {shares.shape[1]} x {shares.shape[0]} pixels, the image {width} x {height}; "
+                "make them equal"
+            )
+    elif config.method in LEARNING_METHODS and config.learn.initial_allocation is not None:
+        shares = np.asarray(config.learn.initial_allocation, dtype=np.float32)
+    return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
+
+
+class Integrator:
+    """One render in progress on one device."""
+
+    def __init__(
+        self, scene: DeviceScene, features: Features, config: RenderConfig, allocation: NDArray[np.float32]
+    ) -> None:
+        self.scene = scene
+        self.config = config
+        self.width, self.height = scene.camera.width, scene.camera.height
+        self.pixels = self.width * self.height
+        self.count = len(features.strategies)
+        self.start_allocation = allocation
+        self.kernel = make_trace(features)
+        self.solver = make_newton(self.count) if config.method in LEARNING_METHODS else None
+        for kernel in filter(None, (self.kernel, self.solver)):
+            wp.load_module(kernel.module, device=config.device)
+        self.threads = 1 if wp.get_device(config.device).is_cuda else config.threads or len(os.sched_getaffinity(0))
+        self._allocate()
+
+    def _allocate(self) -> None:
+        device = self.config.device
+        vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
+        vec_k = wp.types.vector(length=max(moment_count(self.count), 1), dtype=wp.float64)
+        shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
+        self.allocation = wp.array(shares, dtype=vec_s, device=device)
+        self.moments = wp.zeros(self.pixels if self.solver else 1, dtype=vec_k, device=device)
+        self.learn_film = allocate_film(self.pixels, device)
+        self.film = allocate_film(self.pixels, device)
+
+    def trace(self, part: Round, advance: Callable[[int], None]) -> None:
+        """Trace one round. `advance` is told the number of pixel samples of each launch that is done."""
+        if part.learn:
+            self.moments.zero_()
+        lock = threading.Lock()
+
+        def launch(job: tuple[int, int, int, int]) -> None:
+            self._launch(part, *job)
+            with lock:
+                advance(job[1] * job[3])
+
+        if self.threads == 1:
+            for job in self._jobs(part):
+                launch(job)
+            return
+        with ThreadPoolExecutor(self.threads) as pool:
+            for _ in pool.map(launch, self._jobs(part)):
+                pass
+
+    def _jobs(self, part: Round) -> Iterator[tuple[int, int, int, int]]:
+        """(first pixel, pixels, first sample, samples) of each launch: whole pixels, so that each has one thread."""
+        size = GPU_LAUNCH if self.threads == 1 and wp.get_device(self.config.device).is_cuda else CPU_LAUNCH
+        pixels = min(self.pixels, max(1, size // part.samples))
+        for first in range(0, self.pixels, pixels):
+            yield first, min(pixels, self.pixels - first), part.first_sample, part.samples
+
+    def _launch(self, part: Round, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
+        inputs = [self.scene.view, self.scene.camera, first_pixel, first_sample, samples, self.config.seed]
+        inputs += [self.config.max_depth, self.allocation, int(part.learn)]
+        inputs += [self.learn_film if part.learn else self.film, self.moments]
+        wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
+        if wp.get_device(self.config.device).is_cuda:
+            wp.synchronize_device(self.config.device)
+
+    def solve(self) -> None:
+        """One step of the solver on every pixel, from the moments of the last round."""
+        assert self.solver is not None
+        inputs = [self.moments, self.allocation, MIN_SHARE]
+        wp.launch(self.solver, dim=self.pixels, inputs=inputs, device=self.config.device)
+
+    def allocation_map(self) -> NDArray[np.float32]:
+        """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""
+        shares = self.allocation.numpy() if self.count else self.start_allocation
+        return shares.reshape(self.height, self.width, -1)
+
+    def rays(self) -> int:
+        """Rays traced so far: of paths, and for their light samples."""
+        return int(self.learn_film.rays.numpy().sum() + self.film.rays.numpy().sum())

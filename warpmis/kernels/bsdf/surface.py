@@ -1,0 +1,143 @@
+"""The scattering at one point: weights of the lobes for one outgoing direction, evaluation, sampling, density.
+
+Model: diffuse (Lambert), a GGX lobe with Fresnel F, and a GGX coat with Fresnel C on top:
+
+    f = (1 - C(wo)) (1 - C(wi)) [ o k_d / pi (1 - F(wo)) (1 - F(wi)) + specular ] + coat
+
+The factors on what lies below a lobe are symmetric in wo and wi, so that f is reciprocal, and never exceed what the
+lobe above leaves over, so that it creates no energy. Where a lobe is so smooth that it is a mirror it takes no part
+here: events.py follows it.
+"""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import MaterialView
+from warpmis.features import Features
+from warpmis.kernels.bsdf.microfacet import (
+    pdf_reflected,
+    sample_visible_normal,
+    schlick,
+    schlick_scalar,
+    smith_g1,
+)
+from warpmis.kernels.frame import luminance
+from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere
+
+wp.set_module_options({"enable_backward": False})
+
+SMOOTH_ALPHA = wp.constant(1.0e-3)
+ONE = wp.constant(wp.vec3(1.0, 1.0, 1.0))
+
+
+@wp.struct
+class Surface:
+    """Scattering for a fixed wo (local, wo[2] > 0): what is left of the lobes and how often each is sampled."""
+
+    wo: wp.vec3
+    diffuse: wp.vec3
+    specular_f0: wp.vec3
+    alpha: float
+    coat: float
+    coat_f0: float
+    coat_alpha: float
+    p_diffuse: float
+    p_specular: float
+    p_coat: float
+
+
+@wp.struct
+class Scattering:
+    """f_cos: BSDF times cosine, per colour; pdf_solid_angle: density of sample_surface for that direction."""
+
+    f_cos: wp.vec3
+    pdf_solid_angle: float
+
+
+def make_surface(features: Features) -> SimpleNamespace:
+    """Surface functions for the lobes in `features`: prepare, evaluate, sample."""
+
+    @wp.func
+    def coat_transmittance(s: Surface, cos_theta: float) -> float:
+        return 1.0 - s.coat * schlick_scalar(s.coat_f0, cos_theta)
+
+    @wp.func
+    def prepare(material: MaterialView, wo: wp.vec3) -> Surface:
+        """Lobes and their sampling probabilities, in proportion to an estimate of each one's albedo."""
+        s = Surface()
+        s.wo = wo
+        s.diffuse = material.diffuse
+        albedo = luminance(material.diffuse)
+        s.p_diffuse = albedo
+        if wp.static(features.specular):
+            if material.has_specular != 0:
+                s.specular_f0 = material.specular_f0
+                s.alpha = material.alpha
+                f = schlick(material.specular_f0, wo[2])
+                s.diffuse = wp.cw_mul(material.diffuse, ONE - f)
+                s.p_diffuse = luminance(s.diffuse)
+                s.p_specular = wp.where(material.alpha < SMOOTH_ALPHA, 0.0, luminance(f))
+                if wp.static(features.opacity):
+                    # What is let through is no longer reflected diffusely; the specular lobe stays (the
+                    # specification's mode "transparent").
+                    if material.presence == 0:
+                        s.diffuse = s.diffuse * material.opacity
+                        s.p_diffuse = s.p_diffuse * material.opacity
+        if wp.static(features.clearcoat):
+            s.coat = material.coat
+            s.coat_f0 = material.coat_f0
+            s.coat_alpha = material.coat_alpha
+            below = coat_transmittance(s, wo[2])
+            s.p_diffuse = s.p_diffuse * below
+            s.p_specular = s.p_specular * below
+            s.p_coat = wp.where(material.coat_alpha < SMOOTH_ALPHA, 0.0, 1.0 - below)
+        total = s.p_diffuse + s.p_specular + s.p_coat
+        if total > 0.0:
+            s.p_diffuse = s.p_diffuse / total
+            s.p_specular = s.p_specular / total
+            s.p_coat = s.p_coat / total
+        return s
+
+    @wp.func
+    def evaluate(s: Surface, wi: wp.vec3) -> Scattering:
+        """BSDF times cosine and density for a local direction; both 0 below the surface."""
+        e = Scattering()
+        if wi[2] <= 0.0:
+            return e
+        e.f_cos = s.diffuse * (INV_PI * wi[2])
+        e.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
+        if wp.static(features.specular):
+            h = wp.normalize(s.wo + wi)
+            if s.alpha > 0.0:
+                e.f_cos = wp.cw_mul(e.f_cos, ONE - schlick(s.specular_f0, wi[2]))
+                if s.p_specular > 0.0:
+                    pdf = pdf_reflected(s.wo, h, s.alpha)
+                    e.f_cos += schlick(s.specular_f0, wp.dot(s.wo, h)) * (pdf * smith_g1(wi, s.alpha))
+                    e.pdf_solid_angle += s.p_specular * pdf
+            if wp.static(features.clearcoat):
+                if s.coat > 0.0:
+                    e.f_cos = e.f_cos * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
+                    if s.p_coat > 0.0:
+                        pdf = pdf_reflected(s.wo, h, s.coat_alpha)
+                        fresnel = s.coat * schlick_scalar(s.coat_f0, wp.dot(s.wo, h))
+                        e.f_cos += ONE * (fresnel * pdf * smith_g1(wi, s.coat_alpha))
+                        e.pdf_solid_angle += s.p_coat * pdf
+        return e
+
+    @wp.func
+    def sample(s: Surface, u: wp.vec4) -> wp.vec3:
+        """A local direction; below the surface (wi[2] <= 0) there is no sample. u[0] chooses the lobe."""
+        wi = wp.vec3(0.0, 0.0, 0.0)
+        if u[0] < s.p_diffuse:
+            wi = square_to_cosine_hemisphere(u[1], u[2])
+        if wp.static(features.specular):
+            if u[0] >= s.p_diffuse and s.p_specular + s.p_coat > 0.0:
+                alpha = s.alpha
+                if u[0] >= s.p_diffuse + s.p_specular and s.p_coat > 0.0:
+                    alpha = s.coat_alpha
+                h = sample_visible_normal(s.wo, alpha, u[1], u[2])
+                wi = h * (2.0 * wp.dot(s.wo, h)) - s.wo
+        return wi
+
+    return SimpleNamespace(prepare=prepare, evaluate=evaluate, sample=sample)

@@ -1,0 +1,265 @@
+"""The path tracer: what one camera ray brings home.
+
+At the first vertex that scatters in more than one direction a direction is drawn from the mixture of the strategies,
+p_a = sum_s a_s p_s, and the rest of the path is the integrand's tail (Murray et al. 2020, equation 4). After it, at
+every vertex, one light sample and one BSDF sample share the direct light by the balance heuristic.
+"""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import DELTA_DISTANT, SceneView
+from warpmis.features import Features
+from warpmis.kernels import rng
+from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
+from warpmis.kernels.bsdf.surface import Surface, make_surface
+from warpmis.kernels.frame import Frame, luminance, to_local, to_world
+from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
+from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.light.mesh import pdf_mesh
+from warpmis.kernels.light.table import SHADOW_END, Receiver, make_lights
+from warpmis.kernels.mis import balance_weight
+from warpmis.kernels.strategies import Densities, make_strategies
+
+wp.set_module_options({"enable_backward": False})
+
+# How the present ray was drawn, which decides how the light that it meets is weighted.
+SEEN = wp.constant(0)  # from the camera or a mirror: no other strategy could have found the light
+MIXTURE = wp.constant(1)  # from the mixture: its density is complete once the ray's lights are known
+WEIGHTED = wp.constant(2)  # from the BSDF, against the light sample of the same vertex
+
+# From this many bounces on a path may end by Russian roulette.
+ROULETTE_DEPTH = wp.constant(3)
+ROULETTE_MAX_SURVIVAL = wp.constant(0.95)
+
+
+def make_path(features: Features) -> SimpleNamespace:
+    """The function Li, its result type PathSample and the strategies' namespace, for one set of effects."""
+    lights = make_lights(features)
+    surface = make_surface(features)
+    intersect = make_intersect(features)
+    events = make_events(features, intersect.passed)
+    strategies = make_strategies(features, surface, lights)
+    vec_s = strategies.vec_s
+    has_events = features.smooth or features.opacity
+    has_mixture = strategies.count > 0
+
+    @wp.struct
+    class PathSample:
+        """One path. seen: light found before the mixture's vertex, and delta lights at it; mixed: the mixture's
+        estimate F = f / p_a, throughput up to its vertex included; q: p_s / p_a of its direction (0 where F is)."""
+
+        seen: wp.vec3
+        mixed: wp.vec3
+        q: vec_s
+        alpha: float
+        albedo: wp.vec3
+        normal: wp.vec3
+        distance: float
+        rays: int
+
+    @wp.struct
+    class DirectLight:
+        """Light that a vertex sends on from a light sample, and the rays that it took."""
+
+        radiance: wp.vec3
+        rays: int
+
+    @wp.func
+    def delta_light(scene: SceneView, r: Receiver, frame: Frame, ng: wp.vec3, s: Surface, u: float) -> DirectLight:
+        """One of the delta lights, chosen by what it would bring unoccluded."""
+        total = float(0.0)
+        chosen = int(-1)
+        wi_chosen = wp.vec3(0.0, 0.0, 0.0)
+        distance_chosen = float(0.0)
+        importance = float(0.0)
+        irradiance = wp.vec3(0.0, 0.0, 0.0)
+        left = u
+        for i in range(scene.delta_light_count):
+            light = scene.delta_lights[i]
+            wi = light.vector
+            distance = float(INFINITE_DISTANCE)
+            falloff = float(1.0)
+            if light.kind != DELTA_DISTANT:
+                to_light = light.vector - r.x
+                distance = wp.length(to_light)
+                wi = to_light / wp.max(distance, 1.0e-20)
+                falloff = 1.0 / wp.max(distance * distance, 1.0e-20)
+            brings = light.luminance * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
+            if brings > 0.0:
+                # Reservoir of one: the chosen light is kept or replaced, and `left` is uniform again after either.
+                total += brings
+                p = brings / total
+                if left < p or chosen < 0:
+                    left = left / p
+                    chosen = i
+                    wi_chosen = wi
+                    distance_chosen = distance
+                    importance = brings
+                    irradiance = light.intensity * falloff
+                else:
+                    left = (left - p) / (1.0 - p)
+        direct = DirectLight()
+        if chosen < 0 or wp.dot(wi_chosen, ng) <= 0.0:
+            return direct
+        f_cos = surface.evaluate(s, to_local(frame, wi_chosen)).f_cos
+        through = intersect.transmittance(scene, r.x, wi_chosen, distance_chosen * SHADOW_END)
+        direct.radiance = wp.cw_mul(wp.cw_mul(f_cos, irradiance), through) * (total / importance)
+        direct.rays = 1
+        return direct
+
+    @wp.func
+    def sampled_light(scene: SceneView, r: Receiver, frame: Frame, ng: wp.vec3, s: Surface, u: wp.vec4) -> DirectLight:
+        """Next-event estimation: one light sample, weighted against the BSDF's density."""
+        direct = DirectLight()
+        towards = lights.sample(scene, r, u)
+        if towards.pdf_solid_angle <= 0.0 or wp.dot(towards.wi, ng) <= 0.0:
+            return direct
+        scattering = surface.evaluate(s, to_local(frame, towards.wi))
+        if luminance(scattering.f_cos) <= 0.0:
+            return direct
+        through = intersect.transmittance(scene, r.x, towards.wi, towards.distance * SHADOW_END)
+        weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
+        direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
+        direct.rays = 1
+        return direct
+
+    @wp.func
+    def Li(
+        scene: SceneView, origin: wp.vec3, direction: wp.vec3, key: rng.RngKey, allocation: vec_s, max_depth: int
+    ) -> PathSample:
+        """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit."""
+        path = PathSample()
+        L = wp.vec3(0.0, 0.0, 0.0)
+        beta = wp.vec3(1.0, 1.0, 1.0)
+        wi = direction
+        start = origin  # of this stretch of the ray; surfaces that let it through divide it into several
+        near = float(0.0)  # how far along the ray the stretch begins
+        r = Receiver()
+        r.x = origin
+        arrival = int(SEEN)
+        pdf_bsdf = float(0.0)
+        mixed = int(0)
+        bounces = int(0)
+
+        for step in range(max_depth + 1 + MAX_PASSED):
+            hit = closest_hit(scene, start, wi)
+            path.rays += 1
+            far = hit.distance
+            if far < INFINITE_DISTANCE:
+                far += near
+            found = lights.gather(scene, r, wi, near, far, pdf_bsdf)
+            emission = found.radiance
+            if arrival == WEIGHTED:
+                emission = found.weighted
+            if bounces == 0 and found.hits > 0:
+                path.alpha = 1.0
+
+            if wp.static(has_mixture):
+                if arrival == MIXTURE:
+                    parts = Densities()
+                    parts.bsdf = pdf_bsdf
+                    parts.light = found.pdf_solid_angle
+                    if wp.static(features.mesh_light):
+                        parts.light += lights.pdf_emitter_triangles(scene, r, wi)
+                    p = strategies.densities(parts)
+                    p_a = wp.dot(allocation, p)
+                    if p_a <= 0.0:
+                        break
+                    path.q = p / p_a
+                    beta = beta / p_a
+                    arrival = SEEN
+
+            if hit.distance >= INFINITE_DISTANCE:
+                L += wp.cw_mul(beta, emission)
+                break
+            triangle = scene.triangles[hit.triangle]
+            material = scene.materials[triangle.material]
+            if wp.static(features.mesh_light):
+                if triangle.light >= 0 and (hit.outside != 0 or material.double_sided != 0):
+                    weight = float(1.0)
+                    if arrival == WEIGHTED:
+                        light = scene.lights[triangle.light]
+                        pdf_light = pdf_mesh(light, hit.ng, wi, far) * lights.choice_probability(light, r)
+                        weight = balance_weight(pdf_bsdf, pdf_light)
+                    emission += material.emission * weight
+            L += wp.cw_mul(beta, emission)
+
+            frame = intersect.shading_frame(scene, hit, wi)
+            wo = to_local(frame, -wi)
+            u_event = rng.uniform4_of_step(key, step, rng.EVENT)
+            if wp.static(has_events):
+                event = events.choose(material, wo[2], u_event[0])
+                beta = wp.cw_mul(beta, event.weight)
+                if event.kind == PASS:
+                    start = hit.p - hit.ng * hit.offset
+                    near = far
+                    continue
+            if path.alpha == 0.0 and bounces == 0:
+                path.alpha = 1.0
+                path.albedo = material.diffuse + material.specular_f0
+                path.normal = frame.n
+                path.distance = far
+            if bounces >= max_depth:
+                break
+
+            bounces += 1
+            start = hit.p + hit.ng * hit.offset
+            near = 0.0
+            if wp.static(has_events):
+                if event.kind == MIRROR:
+                    wi = wp.normalize(to_world(frame, wp.vec3(-wo[0], -wo[1], wo[2])))
+                    if wp.dot(wi, hit.ng) <= 0.0:
+                        break
+                    r.x = start
+                    r.total = 0.0
+                    arrival = SEEN
+                    continue
+
+            r = lights.receiver(scene, start, frame.n)
+            s = surface.prepare(material, wo)
+            if wp.static(features.delta_light):
+                u_delta = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)
+                from_delta = delta_light(scene, r, frame, hit.ng, s, u_delta[0])
+                L += wp.cw_mul(beta, from_delta.radiance)
+                path.rays += from_delta.rays
+            u_scatter = rng.uniform4_of_step(key, step, rng.SCATTER)
+            u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
+            arrival = WEIGHTED
+            if wp.static(has_mixture):
+                if mixed == 0:
+                    arrival = MIXTURE
+                    mixed = 1
+                    path.seen = L
+                    L = wp.vec3(0.0, 0.0, 0.0)
+                    strategy = strategies.choose(allocation, u_event[1])
+                    wi = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
+            if arrival == WEIGHTED:
+                from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
+                L += wp.cw_mul(beta, from_light.radiance)
+                path.rays += from_light.rays
+                wi = to_world(frame, surface.sample(s, u_scatter))
+
+            if wp.dot(wi, hit.ng) <= 0.0:
+                break
+            wi = wp.normalize(wi)
+            scattering = surface.evaluate(s, to_local(frame, wi))
+            pdf_bsdf = scattering.pdf_solid_angle
+            beta = wp.cw_mul(beta, scattering.f_cos)
+            if luminance(beta) <= 0.0:
+                break
+            if arrival == WEIGHTED:
+                beta = beta / pdf_bsdf
+                if bounces >= ROULETTE_DEPTH:
+                    survival = wp.min(wp.max(beta[0], wp.max(beta[1], beta[2])), ROULETTE_MAX_SURVIVAL)
+                    if u_event[2] >= survival:
+                        break
+                    beta = beta / survival
+        if mixed == 0:
+            path.seen = L
+        else:
+            path.mixed = L
+        return path
+
+    return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies)

@@ -1,0 +1,106 @@
+"""The trace kernel: a stretch of pixels, a stretch of samples, one thread a pixel."""
+
+from functools import cache
+
+import warp as wp
+
+from warpmis.device.views import CameraView, FilmView, SceneView
+from warpmis.features import Features
+from warpmis.kernels import rng
+from warpmis.kernels.camera import camera_ray_direction
+from warpmis.kernels.frame import luminance
+from warpmis.kernels.moments import make_moments
+from warpmis.kernels.path import make_path
+
+
+@wp.func
+def merged(luminance: wp.vec2d, count: int, sums: wp.vec2d, more: int) -> wp.vec2d:
+    """(mean, M2) of `count` samples joined by `more` samples of (sum, sum of squares).
+
+    Reference: Chan, Golub, LeVeque (1983), "Algorithms for Computing the Sample Variance", equation 2.1.
+    """
+    if more == 0:
+        return luminance
+    n = wp.float64(more)
+    mean = sums[0] / n
+    m2 = wp.max(sums[1] - sums[0] * mean, wp.float64(0.0))
+    total = n + wp.float64(count)
+    apart = mean - luminance[0]
+    return wp.vec2d(luminance[0] + apart * n / total, luminance[1] + m2 + apart * apart * wp.float64(count) * n / total)
+
+
+@cache
+def make_trace(features: Features) -> wp.Kernel:
+    """The trace kernel for one set of effects. Equal features return the same kernel."""
+    path = make_path(features)
+    Li = path.Li
+    vec_s = path.strategies.vec_s
+    count = path.strategies.count
+    moments = make_moments(count)
+    vec_k = moments.vec_k
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def trace(
+        scene: SceneView,
+        camera: CameraView,
+        first_pixel: int,
+        first_sample: int,
+        samples: int,
+        seed: wp.uint32,
+        max_depth: int,
+        allocation: wp.array(dtype=vec_s),
+        learn: int,
+        film: FilmView,
+        moment_sums: wp.array(dtype=vec_k),
+    ):
+        pixel = first_pixel + wp.tid()
+        key = rng.RngKey()
+        key.seed = seed
+        key.pixel = wp.uint32(pixel)
+        a = vec_s()
+        if wp.static(count > 0):
+            a = allocation[pixel]
+        color = wp.vec3d()
+        lum = wp.vec2d()
+        albedo = wp.vec3d()
+        normal = wp.vec3d()
+        depth = wp.float64(0.0)
+        alpha = wp.float64(0.0)
+        rays = wp.int64(0)
+        rejected = int(0)
+        sums = vec_k()
+        for k in range(samples):
+            key.sample = wp.uint32(first_sample + k)
+            u = rng.uniform4(key, rng.CAMERA)
+            direction = camera_ray_direction(camera, pixel, u[0], u[1])
+            sample = Li(scene, camera.position, direction, key, a, max_depth)
+            rays += wp.int64(sample.rays)
+            radiance = sample.seen + sample.mixed
+            y = wp.float64(luminance(radiance))
+            if not wp.isfinite(y):
+                rejected += 1
+                continue
+            color += wp.vec3d(radiance)
+            lum += wp.vec2d(y, y * y)
+            albedo += wp.vec3d(sample.albedo)
+            normal += wp.vec3d(sample.normal)
+            depth += wp.float64(sample.distance * wp.dot(direction, camera.forward))
+            alpha += wp.float64(sample.alpha)
+            if wp.static(count > 0):
+                if learn != 0:
+                    sums = moments.add(sums, sample.mixed, sample.q)
+        film.color[pixel] = film.color[pixel] + color
+        accepted = film.accepted[pixel]
+        film.luminance[pixel] = merged(film.luminance[pixel], accepted, lum, samples - rejected)
+        film.albedo[pixel] = film.albedo[pixel] + albedo
+        film.normal[pixel] = film.normal[pixel] + normal
+        film.depth[pixel] = film.depth[pixel] + depth
+        film.alpha[pixel] = film.alpha[pixel] + alpha
+        film.accepted[pixel] = accepted + samples - rejected
+        film.rejected[pixel] = film.rejected[pixel] + rejected
+        film.rays[pixel] = film.rays[pixel] + rays
+        if wp.static(count > 0):
+            if learn != 0:
+                moment_sums[pixel] = moment_sums[pixel] + sums
+
+    return trace

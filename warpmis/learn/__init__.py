@@ -1,0 +1,1 @@
+"""Learning the allocation: the schedule of rounds and the solver kernels, one algorithm a file."""

@@ -1,0 +1,32 @@
+"""Which samples are spent on which allocation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from warpmis.config import RenderConfig
+
+LEARNING_METHODS = ("murray20",)
+
+
+@dataclass(frozen=True)
+class Round:
+    """Samples per pixel traced with one frozen allocation; `learn`: its moments then give the next one."""
+
+    first_sample: int
+    samples: int
+    learn: bool
+
+
+def schedule(config: RenderConfig) -> tuple[Round, ...]:
+    """The learn rounds, then everything that the budget leaves in one round; every sample enters the image."""
+    rounds = []
+    spent = 0
+    if config.method in LEARNING_METHODS:
+        spp = config.learn_spp()
+        for _ in range(config.learn.rounds):
+            rounds.append(Round(spent, spp, learn=True))
+            spent += spp
+    if spent < config.spp:
+        rounds.append(Round(spent, config.spp - spent, learn=False))
+    return tuple(rounds)

@@ -1,0 +1,32 @@
+"""PNG files, to look at."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from warpmis.output.atomic import replacing
+from warpmis.output.tonemap import to_display
+
+
+def write_png(path: str | os.PathLike[str], linear: NDArray[np.floating], exposure: float = 0.0) -> None:
+    """Write a linear Rec.709 image, shape (H, W, 3), as sRGB; `exposure` in stops."""
+    write_display_png(path, to_display(linear, exposure))
+
+
+def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> None:
+    """Write sRGB values as they are, shape (H, W, 3) uint8; the file appears whole or not at all."""
+    height, width, channels = picture.shape
+    spec = oiio.ImageSpec(width, height, channels, "uint8")
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
+    with replacing(path) as temporary:
+        output = oiio.ImageOutput.create("png")
+        if output is None:
+            raise RuntimeError(oiio.geterror())
+        # OpenImageIO reports errors by its return values alone.
+        done = output.open(temporary, spec) and output.write_image(np.ascontiguousarray(picture))
+        if not (output.close() and done):
+            raise OSError(output.geterror())

@@ -1,0 +1,186 @@
+"""The whole story of a render: load, upload, specialise, then rounds of trace, learn, accumulate."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+from warpmis.config import LearnConfig, RenderConfig
+from warpmis.device.film import download_film
+from warpmis.device.upload import upload
+from warpmis.features import Features, detect
+from warpmis.integrator import Integrator, allocation_of
+from warpmis.learn.schedule import schedule
+from warpmis.progress import Progress
+from warpmis.result import RenderResult
+from warpmis.scene import Scene
+
+ProgressCallback = Callable[[Progress], None]
+
+
+def render(
+    stage: Any,
+    *,
+    config: RenderConfig | None = None,
+    camera: str | None = None,
+    purposes: tuple[str, ...] = ("render",),
+    render_settings: str | None = None,
+    time: float | None = None,
+    progress: ProgressCallback | None = None,
+    features: Features | None = None,
+    **settings: Any,
+) -> RenderResult:
+    """Render a stage.
+
+    Args:
+        stage: path of a USD file, a Usd.Stage, or a Scene.
+        config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
+            initial_allocation) one by one.
+        camera, purposes, render_settings, time: what to read of the stage; a Scene has been read already.
+        progress: called about every tenth of a second with how far the render has come.
+        features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
+
+    Raises:
+        ConfigError: a setting cannot be honoured.
+        StageError: the stage cannot be rendered.
+    """
+    config = config if config is not None else config_from(settings)
+    reporter = Reporter(progress)
+    reporter.phase("load")
+    scene = stage if isinstance(stage, Scene) else load(stage, camera, purposes, render_settings, time, config.width)
+    scene = resized(scene, config.width)
+    return render_scene(scene, config, features, reporter)
+
+
+def config_from(settings: dict[str, Any]) -> RenderConfig:
+    """A RenderConfig from the flat names that callers type."""
+    learn_names = {"learn_rounds": "rounds", "learn_spp": "spp", "initial_allocation": "initial_allocation"}
+    learn = {learn_names[name]: settings.pop(name) for name in list(settings) if name in learn_names}
+    known = {field.name for field in dataclasses.fields(RenderConfig)}
+    for name in settings:
+        if name not in known:
+            raise TypeError(f"render() has no setting '{name}'; settings are {', '.join(sorted(known | {*learn_names}))}")
+    if learn:
+        settings["learn"] = LearnConfig(**learn)
+    return RenderConfig(**settings)
+
+
+def load(
+    stage: Any,
+    camera: str | None,
+    purposes: tuple[str, ...],
+    render_settings: str | None,
+    time: float | None,
+    width: int | None,
+) -> Scene:
+    from warpmis.usd import load_stage  # here, so that a Scene can be rendered without pxr
+
+    return load_stage(
+        stage, camera=camera, purposes=purposes, render_settings=render_settings, time=time, width=width
+    )
+
+
+def resized(scene: Scene, width: int | None) -> Scene:
+    """The scene at another width, its picture's aspect kept."""
+    if width is None or width == scene.resolution[0]:
+        return scene
+    height = max(1, round(scene.resolution[1] * width / scene.resolution[0]))
+    return dataclasses.replace(scene, resolution=(width, height))
+
+
+def render_scene(scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter) -> RenderResult:
+    """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
+    width, height = scene.resolution
+    strategies = config.strategies if config.method != "nee" else ()
+    features = (features or detect(scene)).with_strategies(strategies)
+    device_scene = upload(scene, config.device)
+    reporter.phase("compile")
+    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
+    rounds = schedule(config)
+    reporter.total = config.spp * width * height
+    for number, part in enumerate(rounds, start=1):
+        reporter.phase("learn" if part.learn else "render", f"round {number}/{len(rounds)}" if part.learn else "")
+        integrator.trace(part, reporter.advance)
+        if part.learn:
+            integrator.solve()
+    reporter.phase("done")
+    return result_of(scene, config, features, integrator, reporter)
+
+
+def result_of(
+    scene: Scene, config: RenderConfig, features: Features, integrator: Integrator, reporter: Reporter
+) -> RenderResult:
+    """Merge the films: every sample is in the image, the variance is the last allocation's."""
+    width, height = scene.resolution
+    learned, final = (download_film(film, width, height) for film in (integrator.learn_film, integrator.film))
+    film = learned.merge(final)
+    spread = final if final.count.max() > 1 else film
+    seconds = {name: reporter.seconds.get(name, 0.0) for name in ("load", "compile", "learn", "render")}
+    traced = seconds["learn"] + seconds["render"]
+    rays = integrator.rays()
+    stats = {
+        "seconds": seconds,
+        "samples": int(film.count.sum() + film.rejected.sum()),
+        "rejected_samples": int(film.rejected.sum()),
+        "rays": rays,
+        "rays_per_second": rays / traced if traced > 0.0 else 0.0,
+        "triangles": len(scene.geometry.triangles),
+        "lights": len(scene.lights),
+        "features": [name for name, on in dataclasses.asdict(features).items() if on and name != "strategies"],
+        "device": config.device,
+        "threads": integrator.threads,
+    }
+    return RenderResult(
+        image=film.image(),
+        alpha=film.coverage(),
+        albedo=film.mean_albedo(),
+        normal=film.mean_normal(),
+        depth=film.mean_depth(),
+        samples=film.count,
+        variance=spread.variance(),
+        allocation=integrator.allocation_map(),
+        strategies=config.strategies,
+        stats=stats,
+        name=scene.name,
+        settings={**config.to_dict(), "camera": scene.camera.path},
+        warnings=scene.warnings,
+        notes=scene.notes,
+    )
+
+
+class Reporter:
+    """Times the phases, and tells the caller's progress function about them at most ten times a second."""
+
+    def __init__(self, progress: ProgressCallback | None) -> None:
+        self.progress = progress
+        self.seconds: dict[str, float] = {}
+        self.total = 0
+        self.done = 0
+        self.current = ""
+        self.detail = ""
+        self.started = self.reported = time.perf_counter()
+        self.tracing_since = 0.0
+
+    def phase(self, name: str, detail: str = "") -> None:
+        now = time.perf_counter()
+        if self.current:
+            self.seconds[self.current] = self.seconds.get(self.current, 0.0) + now - self.started
+        if name in ("learn", "render") and not self.tracing_since:
+            self.tracing_since = now
+        self.current, self.detail, self.started = name, detail, now
+        if name != "done":
+            self.report(now)
+
+    def advance(self, samples: int) -> None:
+        self.done += samples
+        now = time.perf_counter()
+        if now - self.reported > 0.1:
+            self.report(now)
+
+    def report(self, now: float) -> None:
+        self.reported = now
+        if self.progress is not None:
+            seconds = now - self.tracing_since if self.tracing_since else 0.0
+            self.progress(Progress(self.current, self.done, self.total, self.done, seconds, self.detail))

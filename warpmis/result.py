@@ -1,0 +1,85 @@
+"""What a render returns: the image, what is known about it, and how to store it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import warpmis
+
+Float32Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RenderResult:
+    """A finished render. Pictures have row 0 on top.
+
+    Attributes:
+        image: radiance, linear Rec.709, shape (H, W, 3) float32.
+        alpha: coverage from 0 to 1, shape (H, W) float32.
+        albedo: mean reflectance at the first hit, linear Rec.709, shape (H, W, 3) float32.
+        normal: mean shading normal at the first hit, world space, shape (H, W, 3) float32.
+        depth: mean distance along the viewing axis to the first hit [scene units],
+            shape (H, W) float32.
+        samples: number of samples, shape (H, W).
+        variance: variance of one sample's luminance estimate, shape (H, W) float32.
+        allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
+        strategies: names of the S strategies.
+        stats: counts and times: seconds {load, compile, learn, render}, samples, rays, rays_per_second, ...
+        name: the stage's file name or identifier.
+        settings: what was asked for, as plain values.
+        warnings: what was found in the stage but not honoured, a line each.
+        notes: what was supplied because the stage has none, a line each.
+    """
+
+    image: Float32Array
+    alpha: Float32Array
+    albedo: Float32Array
+    normal: Float32Array
+    depth: Float32Array
+    samples: NDArray[Any]
+    variance: Float32Array
+    allocation: Float32Array
+    strategies: tuple[str, ...]
+    stats: dict[str, Any]
+    name: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write an EXR: the image, everything known per pixel, and the settings in the header."""
+        from warpmis.output.exr import write_exr  # here, so that a render can be had without OpenEXR
+
+        header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
+        write_exr(path, self.channels(), header)
+
+    def channels(self) -> dict[str, Float32Array]:
+        """Every picture under its EXR channel name, each of shape (H, W) float32."""
+        pictures = {"A": self.alpha, "Z": self.depth, "variance.Y": self.variance, "samples.Y": self.samples}
+        for axis, name in enumerate("RGB"):
+            pictures[name] = self.image[..., axis]
+            pictures[f"albedo.{name}"] = self.albedo[..., axis]
+        for axis, name in enumerate("XYZ"):
+            pictures[f"N.{name}"] = self.normal[..., axis]
+        for axis, name in enumerate(self.strategies):
+            pictures[f"allocation.{name}"] = self.allocation[..., axis]
+        return {name: np.asarray(picture, dtype=np.float32) for name, picture in pictures.items()}
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, str | int | float]:
+    """Nested settings as header attributes: "learn.rounds", sequences as "0.5,0.5", unset ones left out."""
+    flat: dict[str, str | int | float] = {}
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        elif isinstance(value, str | int | float):
+            flat[prefix + name] = value
+        elif value is not None:
+            flat[prefix + name] = ",".join(str(item) for item in value)
+    return flat

@@ -1,0 +1,220 @@
+"""The scene between USD and the renderer: plain frozen NumPy data in world space, no pxr and no Warp.
+
+World space is the stage's own: its up axis and its unit of length are kept, so nothing here depends on
+metersPerUnit or upAxis. Colours are linear Rec.709; radiance is in nits as UsdLux defines it, so that a light of
+intensity 1 seen by the camera is a pixel of 1.
+
+The instances are flattened: every triangle stands in world space.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+Color = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """All triangles of the scene, in world space.
+
+    Attributes:
+        points: vertex positions [scene units], shape (V, 3) float32, finite.
+        triangles: vertex indices, counter-clockwise seen from the front, shape (F, 3) int32, in range, F >= 0.
+        normals: unit shading normals, shape (K, 3) float32, on the front side.
+        normal_indices: per triangle corner the row of `normals`, or -1 in all three for a flat triangle,
+            shape (F, 3) int32.
+        materials: per triangle the index into Scene.materials, shape (F,) int32.
+        prims: per triangle the index into Scene.prims, shape (F,) int32.
+    """
+
+    points: Float32Array
+    triangles: Int32Array
+    normals: Float32Array
+    normal_indices: Int32Array
+    materials: Int32Array
+    prims: Int32Array
+
+
+@dataclass(frozen=True)
+class Prim:
+    """A gprim as rendered: its path (instances: the instance proxy's path) and its sidedness.
+
+    Surfaces are laminae: both sides reflect. `double_sided` decides whether an emissive surface shines on both
+    sides or from its front alone.
+    """
+
+    path: str
+    double_sided: bool = False
+
+
+@dataclass(frozen=True)
+class Material:
+    """UsdPreviewSurface with constant inputs (names, ranges and defaults are the specification's).
+
+    `lambertian` is the surface of a prim with no material: diffuse alone, no specular lobe at all.
+    """
+
+    path: str = ""
+    diffuse_color: Color = (0.18, 0.18, 0.18)
+    emissive_color: Color = (0.0, 0.0, 0.0)
+    use_specular_workflow: bool = False
+    specular_color: Color = (0.0, 0.0, 0.0)
+    metallic: float = 0.0
+    roughness: float = 0.5
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.01
+    opacity: float = 1.0
+    opacity_mode: str = "transparent"  # or "presence"
+    ior: float = 1.5
+    lambertian: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class RectLight:
+    """A parallelogram that emits from one side: centre +- half_u +- half_v, towards cross(half_v, half_u).
+
+    UsdLuxRectLight lies in its xy plane and emits along -Z: half_u is the world image of (width/2, 0, 0), half_v
+    of (0, height/2, 0), and the reader flips half_u where the transform mirrors, so that the cross product holds.
+
+    Attributes:
+        center, half_u, half_v: [scene units], shape (3,) float64.
+        radiance: emitted radiance, linear Rec.709 [nit], shape (3,) float64.
+    """
+
+    path: str
+    center: NDArray[np.float64]
+    half_u: NDArray[np.float64]
+    half_v: NDArray[np.float64]
+    radiance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DiskLight:
+    """An ellipse that emits from one side: centre + cos(t) half_u + sin(t) half_v, towards cross(half_v, half_u)."""
+
+    path: str
+    center: NDArray[np.float64]
+    half_u: NDArray[np.float64]
+    half_v: NDArray[np.float64]
+    radiance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SphereLight:
+    """A sphere that emits outwards. A non-uniformly scaled one is read as a MeshLight instead.
+
+    `radius` 0 is a point light (treatAsPoint): `radiance` is then its radiant intensity, light arriving as
+    intensity / distance^2.
+    """
+
+    path: str
+    center: NDArray[np.float64]
+    radius: float
+    radiance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CylinderLight:
+    """A circular cylinder without caps that emits outwards, about centre +- half_axis.
+
+    Attributes:
+        half_axis: from the centre to one end [scene units], shape (3,) float64.
+        radius: [scene units].
+    """
+
+    path: str
+    center: NDArray[np.float64]
+    half_axis: NDArray[np.float64]
+    radius: float
+    radiance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DistantLight:
+    """A light at infinity that fills a cone.
+
+    Attributes:
+        direction: unit vector from the scene towards the light, shape (3,) float64.
+        half_angle: half of UsdLux's `angle` [radian]; 0 is a delta light.
+        radiance: [nit]; for half_angle 0 the irradiance on a surface facing the light [lux].
+    """
+
+    path: str
+    direction: NDArray[np.float64]
+    half_angle: float
+    radiance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DomeLight:
+    """The environment: constant, or a lat-long picture.
+
+    The picture's column coordinate u in [0, 1) and row coordinate v (0 is the top) look, in the dome's own frame,
+    along (sin(pi v) sin(2 pi u), cos(pi v), -sin(pi v) cos(2 pi u)): u = 0.25 is +X, u = 0.5 is +Z, the pole +Y.
+
+    Attributes:
+        to_world: rotation from the dome's frame to world space (any poleAxis already in it), shape (3, 3) float64,
+            used as to_world @ direction.
+        radiance: factor on the picture, or the constant radiance [nit], shape (3,) float64.
+        picture: linear Rec.709, shape (rows, columns, 3) float32, or None.
+    """
+
+    path: str
+    to_world: NDArray[np.float64]
+    radiance: NDArray[np.float64]
+    picture: Float32Array | None = None
+
+
+Light = RectLight | DiskLight | SphereLight | CylinderLight | DistantLight | DomeLight
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera.
+
+    The ray through the picture point (x, y), both in [0, 1) with (0, 0) the upper left corner, leaves `position`
+    along  forward + (left + x (right - left)) right_axis + (top + y (bottom - top)) up_axis  with the window
+    (left, right, bottom, top) at unit distance, already fitted to `resolution`'s aspect.
+
+    Attributes:
+        position: [scene units], shape (3,) float64.
+        right_axis, up_axis, forward: orthonormal, world space, shape (3,) float64.
+        window: (left, right, bottom, top) at unit distance.
+    """
+
+    path: str
+    position: NDArray[np.float64]
+    right_axis: NDArray[np.float64]
+    up_axis: NDArray[np.float64]
+    forward: NDArray[np.float64]
+    window: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that the renderer needs of a stage at one time.
+
+    Emissive surfaces are ordinary triangles whose material has an emissive_color: the renderer finds them itself.
+
+    Attributes:
+        name: the stage's file name or identifier.
+        resolution: (width, height) [pixel].
+        warnings: what was found but not honoured, a line each, with the prim path.
+        notes: what was supplied because the stage has none (camera, light), a line each.
+    """
+
+    name: str
+    camera: Camera
+    resolution: tuple[int, int]
+    geometry: Geometry
+    materials: tuple[Material, ...]
+    prims: tuple[Prim, ...]
+    lights: tuple[Light, ...]
+    warnings: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = field(default=())

@@ -1,0 +1,191 @@
+"""The camera: which one, its pinhole, and its window fitted to the picture."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Usd, UsdGeom, UsdUtils
+
+from warpmis.errors import ConfigError, StageError
+from warpmis.scene import Camera, CylinderLight, DiskLight, Geometry, Light, RectLight, SphereLight
+from warpmis.usd.reading import Reading
+from warpmis.usd.settings import Settings
+
+DEFAULT_WIDTH = 960  # usdrecord's
+
+# A picture's height is cut to whole pixels; this keeps 640 / (4/3) in float32 from becoming 479.
+HEIGHT_TOLERANCE = 1e-3
+
+Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def read_camera(
+    reading: Reading, settings: Settings, asked: str | None, width: int | None, bounds: Bounds
+) -> tuple[Camera, tuple[int, int]]:
+    """The camera to render through and the resolution (width, height) [pixel].
+
+    The camera is the one asked for, else the RenderSettings', else the one of USD's primary camera name, else the
+    first of the stage, else one that frames `bounds` as usdrecord's does.
+
+    Raises:
+        StageError: the camera asked for is not there, or it has no valid lens or transform.
+        ConfigError: width is below 1.
+    """
+    prim = _find_camera(reading, settings, asked)
+    if prim is None:
+        path, gf_camera = "", framing_camera(bounds, str(UsdGeom.GetStageUpAxis(reading.stage)))
+        reading.notes.append("the stage has no camera: one that frames the geometry is used")
+    else:
+        path, gf_camera = str(prim.GetPath()), _lens(prim, reading)
+    resolution = picture_resolution(gf_camera, settings, width)
+    return fitted_camera(path, gf_camera, resolution, settings), resolution
+
+
+def camera_prims(stage: Any) -> list[Any]:
+    """Every Camera prim of the stage in traversal order, those in native instances included."""
+    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    return [prim for prim in prims if prim.IsA(UsdGeom.Camera)]
+
+
+def _find_camera(reading: Reading, settings: Settings, asked: str | None) -> Any:
+    cameras = camera_prims(reading.stage)
+    if asked is not None:
+        found = _matching(cameras, asked)
+        if found is None:
+            known = ", ".join(str(prim.GetPath()) for prim in cameras) or "none"
+            raise StageError(f"there is no such camera; the stage's cameras: {known}", asked)
+        return found
+    if settings.camera is not None:
+        found = _matching(cameras, settings.camera)
+        if found is not None:
+            return found
+        reading.warn(settings.path, f"its camera {settings.camera} does not exist")
+    primary = _matching(cameras, UsdUtils.GetPrimaryCameraName())
+    if primary is not None:
+        return primary
+    if len(cameras) > 1:
+        reading.notes.append(f"{cameras[0].GetPath()} is used, the first of the stage's {len(cameras)} cameras")
+    return cameras[0] if cameras else None
+
+
+def _matching(cameras: list[Any], asked: str) -> Any:
+    """The first camera of that path or, where `asked` is no absolute path, whose path ends in it."""
+    for prim in cameras:
+        path = str(prim.GetPath())
+        if path == asked or (not asked.startswith("/") and path.endswith(f"/{asked}")):
+            return prim
+    return None
+
+
+def _lens(prim: Any, reading: Reading) -> Any:
+    """The prim as a Gf.Camera, with a warning for what a pinhole leaves out."""
+    path = prim.GetPath()
+    camera = UsdGeom.Camera(prim)
+    gf_camera = camera.GetCamera(reading.time)
+    lens = (gf_camera.focalLength, gf_camera.horizontalAperture, gf_camera.verticalAperture)
+    offsets = (gf_camera.horizontalApertureOffset, gf_camera.verticalApertureOffset)
+    if not np.isfinite((*lens, *offsets)).all() or min(lens) <= 0.0:
+        raise StageError("focalLength and both apertures must be above 0 and finite", str(path))
+    matrix = np.array(gf_camera.transform)
+    if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
+        raise StageError("the camera's transform is not invertible", str(path))
+    if gf_camera.projection == Gf.Camera.Orthographic:
+        reading.warn(path, "orthographic projection is not supported; perspective is used")
+    if gf_camera.fStop > 0.0:
+        reading.warn(path, "depth of field (fStop) is not supported; everything is in focus")
+    if not math.isclose(camera.ComputeLinearExposureScale(reading.time), 1.0, rel_tol=1e-5):
+        reading.warn(path, "the camera's exposure is not applied; the picture is scene radiance")
+    return gf_camera
+
+
+def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) -> tuple[int, int]:
+    """(width, height) [pixel]: height from the aperture's aspect where `width` is given or nothing is authored."""
+    if width is None and settings.resolution is not None:
+        return settings.resolution
+    if width is not None and width < 1:
+        raise ConfigError(f"image width must be at least 1, got {width}")
+    columns = DEFAULT_WIDTH if width is None else width
+    rows = columns * settings.pixel_aspect_ratio * gf_camera.verticalAperture / gf_camera.horizontalAperture
+    return columns, max(1, math.floor(rows + HEIGHT_TOLERANCE))
+
+
+def fitted_camera(path: str, gf_camera: Any, resolution: tuple[int, int], settings: Settings) -> Camera:
+    """The pinhole camera whose window has the picture's aspect.
+
+    Scale and shear of the transform are left out, and a mirrored one is turned back, as GfFrustum does.
+    """
+    focal = gf_camera.focalLength
+    size = (gf_camera.horizontalAperture / focal, gf_camera.verticalAperture / focal)
+    aspect = resolution[0] * settings.pixel_aspect_ratio / resolution[1]
+    half_width, half_height = (0.5 * side for side in conformed_window(size, aspect, settings.conform_policy))
+    x, y = gf_camera.horizontalApertureOffset / focal, gf_camera.verticalApertureOffset / focal
+    frustum = gf_camera.frustum
+    axes = [np.array(frustum.rotation.TransformDir(Gf.Vec3d(*axis))) for axis in np.eye(3).tolist()]
+    return Camera(
+        path=path,
+        position=np.array(frustum.position),
+        right_axis=axes[0],
+        up_axis=axes[1],
+        forward=-axes[2],
+        window=(x - half_width, x + half_width, y - half_height, y + half_height),
+    )
+
+
+def conformed_window(size: tuple[float, float], aspect: float, policy: str) -> tuple[float, float]:
+    """Width and height of the window for a picture of `aspect`, by UsdRender's aspectRatioConformPolicy."""
+    width, height = size
+    if policy == "adjustPixelAspectRatio":
+        return size
+    wider_picture = aspect > width / height
+    if policy == "adjustApertureWidth" or (policy == "cropAperture" and not wider_picture):
+        return height * aspect, height
+    if policy == "adjustApertureHeight" or (policy == "cropAperture" and wider_picture):
+        return width, width / aspect
+    return (height * aspect, height) if wider_picture else (width, width / aspect)
+
+
+def framing_camera(bounds: Bounds, up_axis: str) -> Any:
+    """usdrecord's camera for a stage without one: in front of the bounds, upright, with the default lens."""
+    low, high = bounds
+    center, size = (low + high) / 2, high - low
+    gf_camera = Gf.Camera()
+    across, depth = (1, 2) if up_axis == "Y" else (2, 1)
+    radius = 0.5 * math.hypot(size[0], size[across]) or 0.5 * size[depth] or 1.0
+    half_view = math.radians(gf_camera.GetFieldOfView(Gf.Camera.FOVHorizontal)) / 2
+    distance = radius / math.tan(half_view) + size[depth] / 2
+    matrix = Gf.Matrix4d(1.0)
+    if up_axis == "Y":
+        matrix.SetTranslate(Gf.Vec3d(*center.tolist()) + Gf.Vec3d(0, 0, distance))
+    else:
+        matrix.SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), 90))
+        matrix.SetTranslateOnly(Gf.Vec3d(*center.tolist()) + Gf.Vec3d(0, -distance, 0))
+    gf_camera.transform = matrix
+    return gf_camera
+
+
+def world_bounds(geometry: Geometry, lights: list[Light]) -> Bounds:
+    """Smallest and largest corner of the geometry, or, without any, of the lights that have a place."""
+    if len(geometry.triangles):
+        points = geometry.points[np.unique(geometry.triangles)].astype(np.float64)
+        return points.min(axis=0), points.max(axis=0)
+    boxes = [corner for light in lights for corner in _box(light)]
+    if not boxes:
+        return np.zeros(3), np.zeros(3)
+    return np.min(boxes, axis=0), np.max(boxes, axis=0)
+
+
+def _box(light: Light) -> list[NDArray[np.float64]]:
+    """Smallest and largest corner of a light, shape (3,) each; none for one at infinity."""
+    match light:
+        case RectLight() | DiskLight():
+            reach = np.abs(light.half_u) + np.abs(light.half_v)
+        case SphereLight():
+            reach = np.full(3, light.radius)
+        case CylinderLight():
+            reach = np.abs(light.half_axis) + light.radius
+        case _:
+            return []
+    return [light.center - reach, light.center + reach]

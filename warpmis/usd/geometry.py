@@ -1,0 +1,180 @@
+"""Surfaces in their own space, and how their instances are put into one world-space Geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpmis.errors import StageError
+from warpmis.scene import Geometry, Prim
+from warpmis.usd.reading import MAX_COORDINATE
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Scene.Geometry indexes with int32.
+MAX_ROWS = 2**31 - 1
+# Instances are placed in batches of about this many triangles, which bounds the float64 scratch memory.
+BATCH_TRIANGLES = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The triangles of one gprim in its own space.
+
+    Attributes:
+        points: shape (n, 3).
+        triangles: point indices, counter-clockwise seen from the front, shape (f, 3).
+        faces: the polygon that each triangle came from, shape (f,).
+        normals: shading normals, of any length, shape (m, 3); none for a flat surface.
+        normal_indices: shape (f, 3), -1 for a flat triangle.
+    """
+
+    points: FloatArray
+    triangles: IntArray
+    faces: IntArray
+    normals: FloatArray
+    normal_indices: IntArray
+
+
+def flat_surface(points: FloatArray, triangles: IntArray, faces: IntArray) -> Surface:
+    """A surface without shading normals."""
+    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64))
+
+
+def reversed_surface(surface: Surface) -> Surface:
+    """The same surface with its front where its back was."""
+    return Surface(
+        surface.points,
+        surface.triangles[:, ::-1],
+        surface.faces,
+        -surface.normals,
+        surface.normal_indices[:, ::-1],
+    )
+
+
+@dataclass(eq=False)
+class GeometryBuilder:
+    """Collects the placed surfaces of a stage; `build` joins them."""
+
+    prims: list[Prim] = field(default_factory=list)
+    rows: dict[str, int] = field(default_factory=lambda: {"points": 0, "triangles": 0, "normals": 0})
+    columns: dict[str, list[NDArray[Any]]] = field(
+        default_factory=lambda: {name: [] for name in Geometry.__dataclass_fields__}
+    )
+
+    def add(self, prim: Prim, surface: Surface, materials: NDArray[np.int64], matrices: FloatArray) -> int:
+        """Places a surface once for each matrix.
+
+        Args:
+            materials: per triangle the index into Scene.materials, shape (f,).
+            matrices: local to world, USD's row-vector convention, shape (k, 4, 4), finite.
+
+        Returns:
+            How many instances were left out because they lie beyond the range of float32.
+        """
+        left_out = 0
+        batch = max(1, BATCH_TRIANGLES // max(1, len(surface.triangles)))
+        self.prims.append(prim)
+        for start in range(0, len(matrices), batch):
+            left_out += self._add_batch(surface, materials, matrices[start : start + batch])
+        return left_out
+
+    def _add_batch(self, surface: Surface, materials: NDArray[np.int64], matrices: FloatArray) -> int:
+        points, inside = placed_points(surface.points, matrices)
+        matrices = matrices[inside]
+        count = len(matrices)
+        triangles, normals, normal_indices = _placed_topology(surface, matrices)
+        points = points.reshape(-1, 3)
+        cross = _double_vector_area(points, triangles)
+        normals, normal_indices = _facing_front(normals, normal_indices, cross)
+        keep = (cross != 0.0).any(axis=-1)
+        if not keep.all():
+            triangles, normal_indices = triangles[keep], normal_indices[keep]
+        shifted = np.where(normal_indices >= 0, normal_indices + self.rows["normals"], -1)
+        self._append("triangles", (triangles + self.rows["points"]).astype(np.int32))
+        self._append("normal_indices", shifted.astype(np.int32))
+        self._append("materials", np.tile(materials, count)[keep].astype(np.int32))
+        self._append("prims", np.full(len(triangles), len(self.prims) - 1, np.int32))
+        self._append("points", points)
+        self._append("normals", normals.astype(np.float32))
+        return int((~inside).sum())
+
+    def _append(self, name: str, rows: NDArray[Any]) -> None:
+        self.columns[name].append(rows)
+        if name in self.rows:
+            self.rows[name] += len(rows)
+            if self.rows[name] > MAX_ROWS:
+                raise StageError(f"more than {MAX_ROWS} {name} when its instances are flattened", self.prims[-1].path)
+
+    def build(self) -> Geometry:
+        """The joined arrays; shapes (0, 3) and (0,) for a stage without geometry."""
+        empty: dict[str, NDArray[Any]] = {name: np.empty((0, 3), np.float32) for name in ("points", "normals")}
+        empty |= {name: np.empty((0, 3), np.int32) for name in ("triangles", "normal_indices")}
+        empty |= {name: np.empty(0, np.int32) for name in ("materials", "prims")}
+        return Geometry(**{name: np.concatenate([empty[name], *rows]) for name, rows in self.columns.items()})
+
+
+def placed_points(points: FloatArray, matrices: FloatArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """World positions of the instances that float32 can hold, shape (k', n, 3), and which they are, shape (k,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        world = points @ matrices[:, :3, :3] + matrices[:, None, 3, :3]
+        inside = np.asarray((np.abs(world) < MAX_COORDINATE).all(axis=(1, 2)))
+    return world[inside].astype(np.float32), inside
+
+
+def cofactors(linear: FloatArray) -> FloatArray:
+    """The matrices that carry normals, n' = n @ cofactors: det * inverse transpose, also of singular matrices."""
+    a, b, c = linear[..., 0, :], linear[..., 1, :], linear[..., 2, :]
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+
+
+def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+    """Triangles, unit normals and normal indices of all instances; a mirrored one is wound the other way."""
+    linear = matrices[:, :3, :3]
+    scale = np.abs(linear).max(axis=(1, 2), keepdims=True)
+    linear = linear / np.where(scale > 0.0, scale, 1.0)
+    mirrored = np.linalg.det(linear) < 0.0
+    instance = np.arange(len(matrices))[:, None, None]
+
+    def repeated(rows: IntArray, stride: int) -> IntArray:
+        wound = np.where(mirrored[:, None, None], rows[:, ::-1], rows)
+        return np.where(wound >= 0, wound + instance * stride, -1).reshape(-1, 3)
+
+    normals = surface.normals @ cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unit = np.where((length > 0.0) & np.isfinite(length), normals / length, np.nan)
+    return (
+        repeated(surface.triangles, len(surface.points)),
+        unit.reshape(-1, 3),
+        repeated(surface.normal_indices, len(surface.normals)),
+    )
+
+
+def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> FloatArray:
+    """Cross product of two edges, towards the front, shape (f, 3), of the points as float32 holds them."""
+    a, b, c = (points[triangles[:, i]].astype(np.float64) for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _facing_front(normals: FloatArray, indices: IntArray, front: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Shading normals made to lie on the front side of every triangle that uses them.
+
+    A triangle whose three normals all point to its back gets their opposites; one whose normals disagree, or are
+    zero or NaN, becomes flat.
+    """
+    if not len(normals) or not len(indices):
+        return np.empty((0, 3)), np.full(indices.shape, -1, np.int64)
+    cosine = np.einsum("fcj,fj->fc", normals[indices], front)
+    flat = (indices < 0).any(axis=1)
+    ahead = (cosine > 0.0).all(axis=1) & ~flat
+    behind = (cosine < 0.0).all(axis=1) & ~flat
+    if behind.any():
+        indices = np.where(behind[:, None], indices + len(normals), indices)
+        normals = np.concatenate([normals, -normals])
+    indices = np.where((ahead | behind)[:, None], indices, -1)
+    return np.where(np.isfinite(normals), normals, 0.0), indices

@@ -1,0 +1,111 @@
+"""Pictures to linear Rec.709: EXR through OpenEXR, everything else through OpenImageIO.
+
+Files are opened by USD's asset resolver, so that a picture inside a usdz package is found too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Ar
+
+Float32Array = NDArray[np.float32]
+
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+
+
+class PictureError(ValueError):
+    """A picture that cannot be opened or decoded; the message says which and why."""
+
+
+def read_picture(resolved_path: str) -> Float32Array:
+    """Decodes the first picture of a file to linear Rec.709, shape (rows, columns, 3), row 0 on top.
+
+    8-bit pictures are sRGB and become linear; all others are linear already. One channel counts as grey, alpha is left
+    out.
+
+    Raises:
+        PictureError: the file is missing, damaged or of an unknown format.
+    """
+    data = _asset_bytes(resolved_path)
+    pixels = _decode_exr(data) if data[:4] == EXR_MAGIC else _decode_other(data, Path(resolved_path).suffix or ".img")
+    if pixels.ndim != 3 or 0 in pixels.shape:
+        raise PictureError(f"{resolved_path} holds no pixels")
+    return _as_rgb(pixels)
+
+
+def srgb_to_linear(value: Float32Array) -> Float32Array:
+    """The sRGB transfer function's inverse (IEC 61966-2-1), on [0, 1]."""
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def without_invalid_texels(pixels: Float32Array) -> tuple[Float32Array, int]:
+    """The picture with its texels that are negative or not finite set to 0, and how many there were."""
+    invalid = np.asarray(~(np.isfinite(pixels) & (pixels >= 0.0)).all(axis=-1))
+    return np.where(invalid[..., None], np.float32(0.0), pixels), int(invalid.sum())
+
+
+def _asset_bytes(resolved_path: str) -> bytes:
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved_path))
+    if not asset:
+        raise PictureError(f"{resolved_path} cannot be opened")
+    with asset:
+        return bytes(asset.GetBuffer())
+
+
+def _decode_exr(data: bytes) -> Float32Array:
+    """Colour channels of an EXR's first part, shape (rows, columns, channels)."""
+    import OpenEXR
+
+    try:
+        channels = OpenEXR.File(io.BytesIO(data), separate_channels=True).channels()
+        planes = {name.rsplit(".", 1)[-1]: channel.pixels for name, channel in reversed(channels.items())}
+    except Exception as error:  # the binding raises RuntimeError, TypeError and others for damaged files
+        raise PictureError(f"EXR cannot be decoded: {' '.join(str(error).split())}") from None
+    names = "RGB" if set("RGB") <= set(planes) else "Y" if "Y" in planes else ""
+    if not names:
+        raise PictureError(f"EXR has neither R, G, B nor Y, only {', '.join(channels)}")
+    return np.stack([planes[name] for name in names], axis=-1).astype(np.float32)
+
+
+def _decode_other(data: bytes, suffix: str) -> Float32Array:
+    """Any format that OpenImageIO knows; its Python binding reads files only, so the bytes pass through one."""
+    import OpenImageIO
+
+    handle, name = tempfile.mkstemp(suffix=suffix)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        picture = OpenImageIO.ImageInput.open(name)
+        if picture is None:
+            raise PictureError(_reason(OpenImageIO.geterror()))
+        pixels = picture.read_image("float")
+        eight_bit = str(picture.spec().format) == "uint8"
+        reason = picture.geterror()
+        picture.close()
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+    if pixels is None:
+        raise PictureError(_reason(reason))
+    pixels = np.atleast_3d(np.asarray(pixels, np.float32))
+    return srgb_to_linear(pixels) if eight_bit else pixels
+
+
+def _reason(message: Any) -> str:
+    """A decoder's message in one line, without the name of the temporary file."""
+    words = [word for word in str(message).split() if tempfile.gettempdir() not in word]
+    return " ".join(words) or "the picture cannot be decoded"
+
+
+def _as_rgb(pixels: Float32Array) -> Float32Array:
+    channels = pixels.shape[-1]
+    rgb = pixels[..., :3] if channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
+    return np.ascontiguousarray(rgb, np.float32)

@@ -1,0 +1,151 @@
+"""What stands where: the stage's hierarchy with its transforms, visibility, purposes and instances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom
+
+from warpmis.usd.reading import PxrError, Reading, one_line
+
+FloatArray = NDArray[np.float64]
+
+# Prototypes may stand under an `over` or a `class`, so that they are not rendered on their own.
+SCENE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+PROTOTYPE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A prim to be rendered, and where: once for each matrix.
+
+    Attributes:
+        matrices: local to world, USD's row-vector convention, shape (k, 4, 4); k > 1 under a PointInstancer.
+    """
+
+    prim: Any
+    matrices: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Visit:
+    """A prim that is still to be visited: the matrices are its parent's."""
+
+    prim: Any
+    matrices: FloatArray
+    parent_purpose: Any
+    predicate: Any
+    instancers: tuple[Any, ...]
+
+
+def placements(reading: Reading) -> Iterator[Placement]:
+    """Every prim that is active, defined, visible and of a wanted purpose, in the stage's order.
+
+    Native instances appear as instance proxies. A PointInstancer appears as its prototypes' prims, with one matrix for
+    each instance (of nested instancers: for each combination); the prims below it are not rendered by themselves.
+    A prim whose transform is not finite is left out with everything below it.
+    """
+    transforms = UsdGeom.XformCache(reading.time)
+    root = reading.stage.GetPseudoRoot()
+    pending = [_Visit(p, np.eye(4)[None], None, SCENE_PRIMS, ()) for p in root.GetFilteredChildren(SCENE_PRIMS)][::-1]
+    while pending:
+        visit = pending.pop()
+        try:
+            found, children = _visited(visit, transforms, reading)
+        except PxrError as error:
+            reading.warn(visit.prim.GetPath(), f"left out: {one_line(error)}")
+            continue
+        pending += reversed(children)
+        if found is not None:
+            yield found
+
+
+def _visited(visit: _Visit, transforms: Any, reading: Reading) -> tuple[Placement | None, list[_Visit]]:
+    """The prim's placement, if it is to be rendered, and the visits that follow from it."""
+    prim, purpose = visit.prim, visit.parent_purpose
+    imageable = UsdGeom.Imageable(prim)
+    if imageable:
+        if reading.get(imageable.GetVisibilityAttr()) == UsdGeom.Tokens.invisible:
+            return None, []
+        purpose = imageable.ComputePurposeInfo(purpose) if purpose else imageable.ComputePurposeInfo()
+    matrices = _world_matrices(prim, visit.matrices, transforms)
+    if not np.isfinite(matrices).all():
+        reading.warn(prim.GetPath(), "left out with everything below it: its transform is not finite")
+        return None, []
+    if prim.IsA(UsdGeom.PointInstancer):
+        return None, _instancer_visits(visit, purpose, matrices, reading)
+    rendered = purpose is None or str(purpose.purpose) in reading.purposes
+    children = [
+        _Visit(child, matrices, purpose, visit.predicate, visit.instancers)
+        for child in prim.GetFilteredChildren(visit.predicate)
+    ]
+    return (Placement(prim, matrices) if rendered else None), children
+
+
+def _world_matrices(prim: Any, parent: FloatArray, transforms: Any) -> FloatArray:
+    """Local to world for each of the parent's matrices, shape (k, 4, 4)."""
+    if not prim.IsA(UsdGeom.Xformable):
+        return parent
+    local, resets = transforms.GetLocalTransformation(prim)
+    matrix = np.array(local)
+    if resets:
+        return np.broadcast_to(matrix, parent.shape)
+    with np.errstate(all="ignore"):
+        return matrix @ parent
+
+
+def _instancer_visits(visit: _Visit, purpose: Any, matrices: FloatArray, reading: Reading) -> list[_Visit]:
+    """One visit for each prototype that has instances, with the instances' matrices as its parent's."""
+    path = visit.prim.GetPath()
+    if path in visit.instancers:
+        reading.warn(path, "left out: it is one of its own prototypes")
+        return []
+    instancer = UsdGeom.PointInstancer(visit.prim)
+    prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
+    which, instances = _instances(instancer, len(prototypes), reading)
+    visits = []
+    for number in np.unique(which):
+        prototype = reading.stage.GetPrimAtPath(prototypes[number])
+        if not prototype or not prototype.IsActive():
+            reading.warn(path, f"its prototype {prototypes[number]} does not exist; its instances are left out")
+            continue
+        own = instances[which == number]
+        world = (own[None] @ matrices[:, None]).reshape(-1, 4, 4)
+        visits.append(_Visit(prototype, world, purpose, PROTOTYPE_PRIMS, (*visit.instancers, path)))
+    return visits
+
+
+def _instances(instancer: Any, prototypes: int, reading: Reading) -> tuple[NDArray[np.int64], FloatArray]:
+    """Prototype index, shape (k,), and instance transform, shape (k, 4, 4), of the instances to be rendered.
+
+    invisibleIds and inactiveIds are left out; so are instances without a prototype or with a transform that is not
+    finite, with a warning.
+    """
+    path = instancer.GetPath()
+    which = reading.indices(instancer.GetProtoIndicesAttr())
+    if not len(which):
+        return which, np.empty((0, 4, 4))
+    computed = instancer.ComputeInstanceTransformsAtTime(
+        reading.time,
+        reading.time,
+        UsdGeom.PointInstancer.ExcludeProtoXform,
+        UsdGeom.PointInstancer.IgnoreMask,
+    )
+    matrices = np.asarray(computed, np.float64).reshape(-1, 4, 4)
+    if len(matrices) != len(which):
+        reading.warn(path, f"left out: {len(which)} protoIndices, but {len(matrices)} transforms could be computed")
+        return which[:0], np.empty((0, 4, 4))
+    mask = np.array(instancer.ComputeMaskAtTime(reading.time), bool)
+    shown = mask if len(mask) == len(which) else np.ones(len(which), bool)
+    known = (which >= 0) & (which < prototypes)
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    for bad, reason in ((~known, f"their protoIndices lie outside the {prototypes} prototypes"),
+                        (known & ~finite, "their transforms are not finite")):  # fmt: skip
+        if (bad & shown).any():
+            reading.warn(path, f"{int((bad & shown).sum())} instances left out: {reason}")
+    keep = shown & known & finite
+    return which[keep], matrices[keep]

@@ -1,0 +1,344 @@
+"""UsdLux lights: their emitted radiance and their shape in world space.
+
+Emission, by the schema: L = intensity 2^exposure color [blackbody] [/ sizeFactor where normalize is on], in nits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import UsdGeom, UsdLux
+
+from warpmis.scene import (
+    CylinderLight,
+    DiskLight,
+    DistantLight,
+    DomeLight,
+    Light,
+    Material,
+    RectLight,
+    SphereLight,
+)
+from warpmis.usd.geometry import Surface, cofactors
+from warpmis.usd.image import Float32Array, PictureError, read_picture, without_invalid_texels
+from warpmis.usd.primitives import along_axis, open_cylinder, sphere
+from warpmis.usd.reading import MAX_COORDINATE, Reading
+
+Vector = NDArray[np.float64]
+
+# How far a transform may be from a uniform scale and a rotation to keep a sphere a sphere.
+SIMILARITY_TOLERANCE = 1e-5
+
+# DomeLight_1 with a Z pole: latitude 0, longitude 0 (+Z of the dome's frame) looks along -Y, the pole (+Y) along +Z.
+Z_POLE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class EmissiveSurface:
+    """A light whose transform leaves none of the scene's light shapes: triangles with an emissive material."""
+
+    surface: Surface
+    matrix: Vector
+    material: Material
+
+
+@dataclass(frozen=True, eq=False)
+class Emission:
+    """What all light types share.
+
+    Attributes:
+        radiance: before the division by the size factor, linear Rec.709, shape (3,), somewhere above 0.
+        normalize: whether that division is to be done.
+    """
+
+    path: str
+    radiance: Vector
+    normalize: bool
+
+    def over(self, size_factor: float) -> Vector:
+        """Radiance of a light of this size factor (area lights: world-space area)."""
+        return self.radiance / size_factor if self.normalize else self.radiance
+
+
+def read_light(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> list[Light | EmissiveSurface]:
+    """The light of a prim, once for each matrix that has a place for it.
+
+    A light that emits nothing is left out silently; one without size, with an intensity that is negative or not
+    finite, or of an unknown type, with a warning. What is not honoured (shaping, links, filters) gives a warning.
+
+    Args:
+        matrices: local to world, USD's row-vector convention, shape (k, 4, 4).
+    """
+    read = LIGHTS.get(str(prim.GetTypeName()))
+    if read is None:
+        reading.warn(prim.GetPath(), f"{prim.GetTypeName()} is not supported; the light is left out")
+        return []
+    emission = read_emission(prim, reading)
+    if emission is None:
+        return []
+    warn_unhonoured(prim, reading)
+    lights = [read(prim, matrix, emission, reading) for matrix in matrices]
+    return [light for light in lights if light is not None]
+
+
+def read_emission(prim: Any, reading: Reading) -> Emission | None:
+    """intensity 2^exposure color [blackbody], or None for a light that is left out."""
+    path = prim.GetPath()
+    light = UsdLux.LightAPI(prim)
+    intensity = reading.number(prim, "inputs:intensity", 1.0)
+    exposure = reading.number(prim, "inputs:exposure", 0.0)
+    color = np.array(reading.get(light.GetColorAttr(), (1.0, 1.0, 1.0)), np.float64)
+    if reading.get(light.GetEnableColorTemperatureAttr(), False):
+        temperature = reading.number(prim, "inputs:colorTemperature", 6500.0)
+        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(temperature), np.float64)
+    with np.errstate(all="ignore"):
+        radiance = intensity * np.exp2(exposure) * color
+    if not np.isfinite(radiance).all() or np.abs(radiance).max() > MAX_COORDINATE or intensity < 0.0:
+        reading.warn(
+            path, f"the light is left out: intensity {intensity:g}, exposure {exposure:g} and color must give a "
+            "radiance that is finite and not negative"
+        )  # fmt: skip
+        return None
+    if (radiance < 0.0).any():
+        reading.warn(path, "the light's color is negative in places; 0 is used there")
+        radiance = np.maximum(radiance, 0.0)
+    if not radiance.any():
+        return None
+    return Emission(str(path), radiance, bool(reading.get(light.GetNormalizeAttr(), False)))
+
+
+def warn_unhonoured(prim: Any, reading: Reading) -> None:
+    """One warning for each thing authored on a light that changes its picture and is not rendered."""
+    path = prim.GetPath()
+    light = UsdLux.LightAPI(prim)
+    shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
+    found = {
+        "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes(prim, reading),
+        "shadow controls": shadow and any(attr.HasAuthoredValue() for attr in shadow.GetPrim().GetAttributes()
+                                          if attr.GetName().startswith("inputs:shadow:")),
+        "light linking": _links(light.GetLightLinkCollectionAPI(), reading),
+        "shadow linking": _links(light.GetShadowLinkCollectionAPI(), reading),
+        "light filters": light.GetFiltersRel().HasAuthoredTargets(),
+        "the diffuse and specular multipliers": reading.get(light.GetDiffuseAttr(), 1.0) != 1.0
+        or reading.get(light.GetSpecularAttr(), 1.0) != 1.0,
+        "the light's texture": "Dome" not in str(prim.GetTypeName()) and _texture(prim, reading) is not None,
+    }  # fmt: skip
+    for feature, present in found.items():
+        if present:
+            reading.warn(path, f"{feature} not supported; the light is rendered without")
+
+
+def _shapes(prim: Any, reading: Reading) -> bool:
+    """Whether an applied ShapingAPI changes what the light emits."""
+    shaping = UsdLux.ShapingAPI(prim)
+    tint = tuple(reading.get(shaping.GetShapingFocusTintAttr(), (0.0, 0.0, 0.0)))
+    profile = reading.get(shaping.GetShapingIesFileAttr())
+    widest = 180.0 if str(prim.GetTypeName()) in ("SphereLight", "CylinderLight") else 90.0
+    cone = reading.get(shaping.GetShapingConeAngleAttr(), 90.0)
+    softness = reading.get(shaping.GetShapingConeSoftnessAttr(), 0.0)
+    focused = reading.get(shaping.GetShapingFocusAttr(), 0.0) > 0.0 and tint != (1.0, 1.0, 1.0)
+    return bool(focused or cone < widest or softness > 0.0 or (profile and profile.path))
+
+
+def _links(collection: Any, reading: Reading) -> bool:
+    """Whether a light's collection leaves anything out."""
+    excludes = collection.GetExcludesRel()
+    everything = reading.get(collection.GetIncludeRootAttr(), True)
+    return bool((excludes and excludes.HasAuthoredTargets()) or not everything)
+
+
+def _texture(prim: Any, reading: Reading) -> Any:
+    """The authored texture:file as an Sdf.AssetPath, or None."""
+    asset = reading.get(prim.GetAttribute("inputs:texture:file"))
+    return asset if asset and asset.path else None
+
+
+def _has_place(path: str, shape: list[Any], area: float, reading: Reading) -> bool:
+    """Whether a light's world-space shape is finite and has an area; a warning where not."""
+    values = np.concatenate([np.ravel(values) for values in shape])
+    if not np.isfinite(values).all() or np.abs(values).max() > MAX_COORDINATE:
+        reading.warn(path, "the light is left out: its size or transform is not finite")
+        return False
+    if not area > 0.0:
+        reading.warn(path, "the light is left out: its area is zero")
+        return False
+    return True
+
+
+def _spread(prim: Any, matrix: Vector, sizes: tuple[float, float]) -> tuple[Vector, Vector, Vector]:
+    """Centre and world images of x and y times `sizes`, such that cross(half_v, half_u) is where -Z emits to."""
+    with np.errstate(all="ignore"):
+        half_u, half_v = sizes[0] * matrix[0, :3], sizes[1] * matrix[1, :3]
+        if np.dot(np.cross(half_v, half_u), matrix[2, :3]) > 0.0:
+            half_u = -half_u
+    return matrix[3, :3].copy(), half_u, half_v
+
+
+def _rect(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
+    sizes = reading.number(prim, "inputs:width", 1.0) / 2, reading.number(prim, "inputs:height", 1.0) / 2
+    center, half_u, half_v = _spread(prim, matrix, sizes)
+    area = 4.0 * float(np.linalg.norm(np.cross(half_u, half_v)))
+    if not _has_place(emission.path, [center, half_u, half_v], area, reading):
+        return None
+    return RectLight(emission.path, center, half_u, half_v, emission.over(area))
+
+
+def _disk(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
+    radius = reading.number(prim, "inputs:radius", 0.5)
+    center, half_u, half_v = _spread(prim, matrix, (radius, radius))
+    area = math.pi * float(np.linalg.norm(np.cross(half_u, half_v)))
+    if not _has_place(emission.path, [center, half_u, half_v], area, reading):
+        return None
+    return DiskLight(emission.path, center, half_u, half_v, emission.over(area))
+
+
+def _sphere(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | EmissiveSurface | None:
+    radius = abs(reading.number(prim, "inputs:radius", 0.5))
+    if reading.get(prim.GetAttribute("treatAsPoint"), False):
+        return _point(matrix, radius, emission, reading)
+    area = ellipsoid_area(radius * matrix[:3, :3])
+    if not _has_place(emission.path, [matrix, radius], area, reading):
+        return None
+    scale = uniform_scale(matrix[:3, :3])
+    if scale is None:
+        return _emissive(sphere(radius), matrix, emission, area)
+    return SphereLight(emission.path, matrix[3, :3].copy(), radius * scale, emission.over(area))
+
+
+def _point(matrix: Vector, radius: float, emission: Emission, reading: Reading) -> Light | None:
+    """A sphere as a point: its radiant intensity is its radiance times its mean projected area, a quarter of its area.
+
+    With normalize that is a quarter of the light's intensity, whatever the radius, 0 included.
+    """
+    area = ellipsoid_area(radius * matrix[:3, :3])
+    if not _has_place(emission.path, [matrix, radius], 1.0 if emission.normalize else area, reading):
+        return None
+    intensity = emission.radiance / 4.0 if emission.normalize else emission.radiance * area / 4.0
+    return SphereLight(emission.path, matrix[3, :3].copy(), 0.0, intensity)
+
+
+def _cylinder(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | EmissiveSurface | None:
+    length = abs(reading.number(prim, "inputs:length", 1.0))
+    radius = abs(reading.number(prim, "inputs:radius", 0.5))
+    linear = matrix[:3, :3]
+    area = cylinder_area(linear, length, radius)
+    if not _has_place(emission.path, [matrix, length, radius], area, reading):
+        return None
+    section = np.linalg.norm(linear[1]), np.linalg.norm(linear[2])
+    unit = linear / np.linalg.norm(linear, axis=1, keepdims=True)
+    right_angles = np.abs(unit @ unit.T - np.eye(3)).max() < SIMILARITY_TOLERANCE
+    if not right_angles or not math.isclose(*section, rel_tol=SIMILARITY_TOLERANCE):
+        return _emissive(along_axis(open_cylinder(length, radius), "X"), matrix, emission, area)
+    return CylinderLight(
+        emission.path, matrix[3, :3].copy(), 0.5 * length * linear[0], float(radius * section[0]), emission.over(area)
+    )
+
+
+def _emissive(surface: Surface, matrix: Vector, emission: Emission, area: float) -> EmissiveSurface:
+    red, green, blue = emission.over(area).tolist()
+    material = Material(
+        path=emission.path, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(red, green, blue), lambertian=True
+    )
+    return EmissiveSurface(surface, matrix, material)
+
+
+def _distant(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
+    direction = matrix[2, :3] / (float(np.linalg.norm(matrix[2, :3])) or 1.0)
+    angle = reading.number(prim, "inputs:angle", 0.53)
+    if not _has_place(emission.path, [direction, angle], float(np.linalg.norm(direction)), reading):
+        return None
+    half_angle = math.radians(min(max(angle, 0.0), 360.0)) / 2
+    return DistantLight(emission.path, direction, half_angle, emission.over(distant_size_factor(half_angle)))
+
+
+def distant_size_factor(half_angle: float) -> float:
+    """The schema's sizeFactor of a DistantLight: the irradiance of radiance 1 on a surface facing it."""
+    if half_angle == 0.0:
+        return 1.0
+    square = math.sin(half_angle) ** 2
+    return math.pi * (square if half_angle <= math.pi / 2 else 2.0 - square)
+
+
+def _dome(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
+    linear = matrix[:3, :3].T
+    if not _has_place(emission.path, [linear], abs(float(np.linalg.det(linear))), reading):
+        return None
+    left, _, right = np.linalg.svd(linear)
+    to_world = left @ right
+    if _has_z_pole(prim, reading):
+        to_world = to_world @ Z_POLE
+    return DomeLight(emission.path, to_world, emission.radiance, _dome_picture(prim, reading))
+
+
+def _has_z_pole(prim: Any, reading: Reading) -> bool:
+    """Whether a DomeLight_1's own pole is +Z, not +Y."""
+    pole = str(reading.get(prim.GetAttribute("poleAxis"), "Y"))
+    return pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(reading.stage) == UsdGeom.Tokens.z)
+
+
+def _dome_picture(prim: Any, reading: Reading) -> Float32Array | None:
+    """The dome's lat-long picture; None without one and, with a warning, where it cannot be used."""
+    path = prim.GetPath()
+    asset = _texture(prim, reading)
+    if asset is None:
+        return None
+    layout = str(reading.get(prim.GetAttribute("inputs:texture:format"), "automatic"))
+    if layout not in ("automatic", "latlong"):
+        reading.warn(path, f"texture:format {layout} is not supported; the dome is rendered in its plain color")
+        return None
+    try:
+        if not asset.resolvedPath:
+            raise PictureError(f"{asset.path} does not exist")
+        pixels, invalid = without_invalid_texels(read_picture(asset.resolvedPath))
+    except PictureError as error:
+        reading.warn(path, f"the dome is rendered in its plain color: {error}")
+        return None
+    if invalid:
+        reading.warn(path, f"{invalid} texels of {asset.path} are negative or not finite; 0 is used there")
+    return pixels
+
+
+def uniform_scale(linear: Vector) -> float | None:
+    """The factor by which a matrix of shape (3, 3) scales all lengths, or None for one that changes shapes."""
+    gram = linear @ linear.T
+    square = float(np.trace(gram)) / 3.0
+    similar = np.abs(gram - square * np.eye(3)).max() <= SIMILARITY_TOLERANCE * square
+    return math.sqrt(square) if similar else None
+
+
+def ellipsoid_area(linear: Vector) -> float:
+    """Area of the unit sphere's image under a matrix of shape (3, 3): the integral of |cofactors n| over n."""
+    cosine, weight = np.polynomial.legendre.leggauss(64)
+    angle = 2.0 * np.pi * (np.arange(128) + 0.5) / 128
+    sine = np.sqrt(1.0 - cosine**2)[:, None]
+    normals = np.stack(
+        [sine * np.cos(angle), sine * np.sin(angle), np.broadcast_to(cosine[:, None], (64, 128))], axis=-1
+    )
+    with np.errstate(all="ignore"):
+        stretch = np.linalg.norm(normals @ cofactors(linear), axis=-1)
+        return float((stretch * weight[:, None]).sum() * 2.0 * np.pi / 128)
+
+
+def cylinder_area(linear: Vector, length: float, radius: float) -> float:
+    """Area of the image of a cylinder about X without caps, under a matrix of shape (3, 3)."""
+    angle = 2.0 * np.pi * (np.arange(256) + 0.5) / 256
+    tangents = np.stack([np.zeros(256), -np.sin(angle), np.cos(angle)], axis=-1)
+    with np.errstate(all="ignore"):
+        stretch = np.linalg.norm(np.cross(linear[0], tangents @ linear), axis=-1)
+        return float(stretch.mean()) * 2.0 * np.pi * radius * length
+
+
+LIGHTS: dict[str, Callable[[Any, Vector, Emission, Reading], Light | EmissiveSurface | None]] = {
+    "RectLight": _rect,
+    "DiskLight": _disk,
+    "SphereLight": _sphere,
+    "CylinderLight": _cylinder,
+    "DistantLight": _distant,
+    "DomeLight": _dome,
+    "DomeLight_1": _dome,
+}

@@ -1,0 +1,79 @@
+"""The stage's RenderSettings: resolution, camera and how the camera's window meets the picture's aspect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pxr import UsdRender
+
+from warpmis.errors import StageError
+from warpmis.usd.reading import Reading
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the RenderSettings prim authors.
+
+    Attributes:
+        path: the prim's, "" for a stage without one.
+        resolution: (width, height) [pixel], or None.
+        camera: path of the camera, or None.
+        pixel_aspect_ratio: width over height of a pixel.
+        conform_policy: UsdRender's aspectRatioConformPolicy.
+    """
+
+    path: str = ""
+    resolution: tuple[int, int] | None = None
+    camera: str | None = None
+    pixel_aspect_ratio: float = 1.0
+    conform_policy: str = "expandAperture"
+
+
+def read_settings(reading: Reading, path: str | None) -> Settings:
+    """The settings at `path`, or those that the stage's metadata name.
+
+    Raises:
+        StageError: `path` is given, and there is no RenderSettings prim.
+    """
+    if path is not None:
+        prim = reading.stage.GetPrimAtPath(path) if path.startswith("/") else None
+        if not prim or not prim.IsA(UsdRender.Settings):
+            raise StageError("there is no RenderSettings prim here", path)
+        return _read(UsdRender.Settings(prim), reading)
+    settings = UsdRender.Settings.GetStageRenderSettings(reading.stage)
+    if settings:
+        return _read(settings, reading)
+    named = reading.stage.GetMetadata("renderSettingsPrimPath")
+    if named:
+        reading.warn(named, "the stage's renderSettingsPrimPath names no RenderSettings prim")
+    return Settings()
+
+
+def _read(settings: Any, reading: Reading) -> Settings:
+    path = settings.GetPath()
+    ratio = float(reading.get(settings.GetPixelAspectRatioAttr(), 1.0))
+    if not 0.0 < ratio < float("inf"):
+        reading.warn(path, f"pixelAspectRatio {ratio:g} must be above 0; 1 is used")
+        ratio = 1.0
+    if tuple(reading.get(settings.GetDataWindowNDCAttr(), (0, 0, 1, 1))) != (0, 0, 1, 1):
+        reading.warn(path, "dataWindowNDC is not supported; the whole picture is rendered")
+    cameras = settings.GetCameraRel().GetForwardedTargets()
+    return Settings(
+        path=str(path),
+        resolution=_resolution(settings, reading),
+        camera=str(cameras[0]) if cameras else None,
+        pixel_aspect_ratio=ratio,
+        conform_policy=str(reading.get(settings.GetAspectRatioConformPolicyAttr(), "expandAperture")),
+    )
+
+
+def _resolution(settings: Any, reading: Reading) -> tuple[int, int] | None:
+    attribute = settings.GetResolutionAttr()
+    if not attribute.HasAuthoredValue():
+        return None
+    width, height = reading.get(attribute)
+    if width < 1 or height < 1:
+        reading.warn(settings.GetPath(), f"resolution {width} x {height} must be at least 1 x 1; it is not used")
+        return None
+    return int(width), int(height)

@@ -1,0 +1,190 @@
+"""From a USD stage to a Scene: open, read every prim in its place, and supply what is missing."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSkel
+
+from warpmis.errors import StageError
+from warpmis.scene import DomeLight, Light, Prim, Scene
+from warpmis.usd.camera import read_camera, world_bounds
+from warpmis.usd.geometry import GeometryBuilder, Surface
+from warpmis.usd.instances import Placement, placements
+from warpmis.usd.light import EmissiveSurface, read_light
+from warpmis.usd.material import MaterialReader
+from warpmis.usd.mesh import read_mesh
+from warpmis.usd.primitives import is_primitive, read_primitive
+from warpmis.usd.reading import (
+    PxrError,
+    Reading,
+    captured_diagnostics,
+    composition_warnings,
+    one_line,
+    unrepeated,
+)
+from warpmis.usd.settings import read_settings
+
+
+def load_stage(
+    path_or_stage: str | os.PathLike[str] | Usd.Stage,
+    *,
+    camera: str | None = None,
+    time: float | None = None,
+    width: int | None = None,
+    purposes: tuple[str, ...] = ("render",),
+    render_settings: str | None = None,
+) -> Scene:
+    """Reads a stage at one time into a Scene, everything in world space.
+
+    What is not supported becomes a line of Scene.warnings, and the rest is read; pxr's own messages go there too
+    instead of to standard error.
+
+    Args:
+        camera: path or name of the camera; None takes the RenderSettings', else `main_cam`, else the stage's first,
+            else one that frames the geometry.
+        time: time code; None is the stage's startTimeCode, 0 where it is not authored, as in usdrecord.
+        width: image width [pixel], the height following from the camera's aperture; None takes the RenderSettings'
+            resolution, or 960.
+        purposes: purposes to render besides "default", of "render", "proxy" and "guide".
+        render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
+
+    Raises:
+        StageError: the stage is missing, unreadable or empty, or has no such camera or settings.
+        ConfigError: width is below 1.
+    """
+    with captured_diagnostics() as messages:
+        stage = path_or_stage if isinstance(path_or_stage, Usd.Stage) else _open(os.fspath(path_or_stage))
+        reading = Reading(
+            stage=stage,
+            time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
+            purposes=frozenset({"default", *purposes}),
+        )
+        composition_warnings(reading)
+        scene = _read_scene(reading, camera, width, render_settings)
+    return replace(scene, warnings=(*reading.warnings, *unrepeated(messages, reading.warnings)))
+
+
+def _open(path: str) -> Any:
+    name = Path(path).name or path
+    try:
+        stage = Usd.Stage.Open(path)
+    except PxrError as error:
+        if not os.path.exists(path) and not Sdf.Layer.IsAnonymousLayerIdentifier(path):
+            raise StageError("there is no such file", path) from None
+        raise StageError(f"the stage cannot be opened: {one_line(error)}", name) from None
+    if not stage:
+        raise StageError("the stage cannot be opened", path)
+    return stage
+
+
+def _read_scene(reading: Reading, camera: str | None, width: int | None, render_settings: str | None) -> Scene:
+    settings = read_settings(reading, render_settings)
+    contents = StageContents(reading)
+    for placement in placements(reading):
+        try:
+            contents.add(placement)
+        except PxrError as error:
+            reading.warn(placement.prim.GetPath(), f"left out: {one_line(error)}")
+    geometry = contents.geometry.build()
+    materials = tuple(contents.materials.materials)
+    name = Path(reading.stage.GetRootLayer().GetDisplayName()).name
+    if not len(geometry.triangles) and not contents.lights:
+        purposes = ", ".join(sorted(reading.purposes))
+        raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}", name)
+    used = np.unique(geometry.materials)
+    emissive = any(max(materials[index].emissive_color) > 0.0 for index in used)
+    if not contents.light_prims and not emissive:
+        contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
+        reading.notes.append("the stage has no light: a dome of radiance 1 is used")
+    found, resolution = read_camera(reading, settings, camera, width, world_bounds(geometry, contents.lights))
+    return Scene(
+        name=name,
+        camera=found,
+        resolution=resolution,
+        geometry=geometry,
+        materials=materials,
+        prims=tuple(contents.geometry.prims),
+        lights=tuple(contents.lights),
+        notes=tuple(reading.notes),
+    )
+
+
+@dataclass(eq=False)
+class StageContents:
+    """What has been read of a stage so far.
+
+    Attributes:
+        surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
+        light_prims: number of light prims in sight, those included that turned out to emit nothing.
+    """
+
+    reading: Reading
+    geometry: GeometryBuilder = field(default_factory=GeometryBuilder)
+    lights: list[Light] = field(default_factory=list)
+    surfaces: dict[Any, Surface | None] = field(default_factory=dict)
+    light_prims: int = 0
+
+    def __post_init__(self) -> None:
+        self.materials = MaterialReader(self.reading)
+
+    def add(self, placement: Placement) -> None:
+        """Reads one prim, whatever it is, at all its places."""
+        prim = placement.prim
+        if prim.IsA(UsdGeom.Gprim):
+            self._add_gprim(placement)
+        elif prim.HasAPI(UsdLux.LightAPI):
+            self._add_light(placement)
+        elif prim.IsA(UsdSkel.Root):
+            self.reading.warn(prim.GetPath(), "skinning is not supported; its meshes are rendered in their bind pose")
+
+    def _add_gprim(self, placement: Placement) -> None:
+        prim = placement.prim
+        if prim.HasAPI(UsdLux.LightAPI):
+            self.reading.warn(prim.GetPath(), "a light made of geometry is not supported; its material alone is used")
+        surface = self._surface(prim)
+        if surface is None or not len(surface.triangles):
+            return
+        double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
+        materials = self.materials.of_triangles(prim, surface.faces)
+        self._place(Prim(str(prim.GetPath()), double_sided), surface, materials, placement.matrices)
+
+    def _surface(self, prim: Any) -> Surface | None:
+        """The gprim's triangles; those of a native instance are read once for all instances."""
+        if not prim.IsInstanceProxy():
+            return read_surface(prim, self.reading)
+        source = prim.GetPrimInPrototype().GetPath()
+        if source not in self.surfaces:
+            self.surfaces[source] = read_surface(prim, self.reading)
+        return self.surfaces[source]
+
+    def _place(self, prim: Prim, surface: Surface, materials: NDArray[np.int64], matrices: NDArray[np.float64]) -> None:
+        left_out = self.geometry.add(prim, surface, materials, matrices)
+        if left_out:
+            which = f"{left_out} of its instances are" if len(matrices) > 1 else "it is"
+            self.reading.warn(prim.path, f"{which} left out: the points lie too far from the origin")
+
+    def _add_light(self, placement: Placement) -> None:
+        self.light_prims += 1
+        for light in read_light(placement.prim, placement.matrices, self.reading):
+            if isinstance(light, EmissiveSurface):
+                materials = np.full(len(light.surface.triangles), self.materials.index(light.material))
+                self._place(Prim(light.material.path), light.surface, materials, light.matrix[None])
+            else:
+                self.lights.append(light)
+
+
+def read_surface(prim: Any, reading: Reading) -> Surface | None:
+    """The triangles of a gprim in its own space; None, with a warning, for a type that is not supported."""
+    if prim.IsA(UsdGeom.Mesh):
+        return read_mesh(prim, reading)
+    type_name = str(prim.GetTypeName())
+    if is_primitive(type_name):
+        return read_primitive(prim, reading)
+    reading.warn(prim.GetPath(), f"{type_name} is not supported; it is left out")
+    return None
