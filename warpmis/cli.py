@@ -11,6 +11,7 @@ import json
 import math
 import os
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -196,7 +197,7 @@ def _render(arguments: argparse.Namespace) -> None:
         purposes=arguments.purposes,
         render_settings=arguments.render_settings_prim_path,
     )
-    _silence_warp()
+    _start_warp()
     start = time.perf_counter()
     with _progress_bar(quiet=arguments.quiet) as show:
         result = warpmis.render(arguments.stage, config=config, progress=show, **stage_options)
@@ -218,11 +219,27 @@ def _render(arguments: argparse.Namespace) -> None:
         print(json.dumps(_plain(report), allow_nan=False))
 
 
-def _silence_warp() -> None:
-    """Warp tells of its devices and every kernel it loads on standard output, which is for --json alone."""
+def _start_warp() -> None:
+    """Initialise Warp without its chatter.
+
+    It tells of its devices and of every kernel it loads on standard output, which is for --json alone, and its native
+    half warns of a missing CUDA driver, which most machines have no use for, on the process's standard error.
+    """
     import warp as wp
 
     wp.config.log_level = wp.LOG_ERROR
+    stderr = os.dup(2)
+    with tempfile.TemporaryFile() as heard:
+        os.dup2(heard.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        heard.seek(0)
+        for line in heard.read().decode(errors="replace").splitlines():
+            if "Could not find or load the NVIDIA CUDA driver" not in line:
+                _say(line)
 
 
 def _write(result: RenderResult, targets: Mapping[str, str]) -> None:

@@ -48,7 +48,7 @@ class Features:
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
         """Every effect on: the universal kernel."""
         on = {f.name: True for f in fields(cls) if f.type == "bool"}
-        return cls(**on, strategies=strategies)  # type: ignore[arg-type]
+        return cls(**on, strategies=strategies)
 
     def with_strategies(self, strategies: tuple[str, ...]) -> Features:
         return replace(self, strategies=strategies)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,6 @@ class Film:
         return self._mean(self.alpha, self.count)
 
     @staticmethod
-    def _mean(sums: Float64Array, count: NDArray) -> NDArray[np.float32]:
+    def _mean(sums: Float64Array, count: NDArray[Any]) -> NDArray[np.float32]:
         divisor = np.maximum(count, 1.0)
         return (sums / (divisor[..., None] if sums.ndim == 3 else divisor)).astype(np.float32)

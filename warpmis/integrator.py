@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from itertools import islice
 
 import numpy as np
 import warp as wp
@@ -87,9 +88,15 @@ class Integrator:
             for job in self._jobs(part):
                 launch(job)
             return
+        jobs = iter(self._jobs(part))
         with ThreadPoolExecutor(self.threads) as pool:
-            for _ in pool.map(launch, self._jobs(part)):
-                pass
+            # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
+            pending = {pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
+            while pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+                pending |= {pool.submit(launch, job) for job in islice(jobs, len(done))}
 
     def _jobs(self, part: Round) -> Iterator[tuple[int, int, int, int]]:
         """(first pixel, pixels, first sample, samples) of each launch: whole pixels, so that each has one thread."""

@@ -46,7 +46,9 @@ def render(
         ConfigError: a setting cannot be honoured.
         StageError: the stage cannot be rendered.
     """
-    config = config if config is not None else config_from(settings)
+    if config is not None and settings:
+        raise TypeError(f"render() takes either a config or single settings, got both: {', '.join(sorted(settings))}")
+    config = config or config_from(settings)
     reporter = Reporter(progress)
     reporter.phase("load")
     scene = stage if isinstance(stage, Scene) else load(stage, camera, purposes, render_settings, time, config.width)
@@ -61,7 +63,7 @@ def config_from(settings: dict[str, Any]) -> RenderConfig:
     known = {field.name for field in dataclasses.fields(RenderConfig)}
     for name in settings:
         if name not in known:
-            raise TypeError(f"render() has no setting '{name}'; settings are {', '.join(sorted(known | {*learn_names}))}")
+            raise TypeError(f"render() has no setting '{name}'; there are {', '.join(sorted({*known, *learn_names}))}")
     if learn:
         settings["learn"] = LearnConfig(**learn)
     return RenderConfig(**settings)

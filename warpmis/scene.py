@@ -107,7 +107,7 @@ class DiskLight:
 
 @dataclass(frozen=True, eq=False)
 class SphereLight:
-    """A sphere that emits outwards. A non-uniformly scaled one is read as a MeshLight instead.
+    """A sphere that emits outwards. A non-uniformly scaled one is read as triangles with an emissive material instead.
 
     `radius` 0 is a point light (treatAsPoint): `radiance` is then its radiant intensity, light arriving as
     intensity / distance^2.

@@ -22,7 +22,17 @@ from warpmis.device.views import (
     LightView,
 )
 from warpmis.features import is_delta, is_emissive
-from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Geometry, Light, RectLight, Scene, SphereLight
+from warpmis.scene import (
+    CylinderLight,
+    DiskLight,
+    DistantLight,
+    DomeLight,
+    Geometry,
+    Light,
+    RectLight,
+    Scene,
+    SphereLight,
+)
 
 
 @dataclass(eq=False)
@@ -126,12 +136,14 @@ def delta_record(light: Light) -> DeltaLightView:
 def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> None:
     """One light for each pair of prim and emissive material."""
     emissive = np.array([is_emissive(material) for material in scene.materials], dtype=bool)
-    shining = np.flatnonzero(emissive[geometry.materials]) if len(geometry.materials) else np.zeros(0, np.int64)
-    if len(shining) == 0:
+    if not emissive.any():  # a scene of lights alone has no materials at all
         return
+    shining = np.flatnonzero(emissive[geometry.materials])
     corners = geometry.points[geometry.triangles[shining]].astype(np.float64)
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     shining, areas, corners = shining[areas > 0.0], areas[areas > 0.0], corners[areas > 0.0]
+    if len(shining) == 0:
+        return
     keys = geometry.prims[shining].astype(np.int64) * len(scene.materials) + geometry.materials[shining]
     order = np.argsort(keys, kind="stable")
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))

@@ -12,6 +12,7 @@ from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.views import CameraView, DomeView, LightView, MaterialView, SceneView, TriangleView
+from warpmis.errors import ConfigError
 from warpmis.scene import Camera, Geometry, Material, Scene
 
 # Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
@@ -27,8 +28,20 @@ class DeviceScene:
     owned: tuple[Any, ...]
 
 
+def check_device(device: str) -> None:
+    """Raise a ConfigError where the machine lacks the device."""
+    known = [str(found) for found in wp.get_devices()]
+    if device not in known and not (device == "cuda" and wp.is_cuda_available()):
+        raise ConfigError(f"this machine has no device '{device}'; choose from {', '.join(known)}")
+
+
 def upload(scene: Scene, device: str) -> DeviceScene:
-    """Copy a scene to a device and build its trees."""
+    """Copy a scene to a device and build its trees.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    check_device(device)
     geometry = ordered(scene.geometry)
     tables = light_tables(scene, geometry)
     with wp.ScopedDevice(device):

@@ -141,8 +141,8 @@ class CameraView:
 class FilmView:
     """Sums over all samples of each pixel so far. A pixel is written by one thread alone.
 
-    color, albedo, normal: sums of linear RGB and of world normals; luminance: (mean, sum of squared deviations) over the
-    accepted samples; depth: sum over the samples that hit; rejected: samples that were not finite.
+    color, albedo, normal: sums of linear RGB and of world normals; luminance: (mean, sum of squared deviations) over
+    the accepted samples; depth: sum over the samples that hit; rejected: samples that were not finite.
     """
 
     color: wp.array(dtype=wp.vec3d)

@@ -42,7 +42,9 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return chosen
 
     @wp.func
-    def sample(scene: SceneView, r: Receiver, frame: Frame, s: Surface, strategy: int, u: wp.vec4, v: wp.vec4) -> wp.vec3:
+    def sample(
+        scene: SceneView, r: Receiver, frame: Frame, s: Surface, strategy: int, u: wp.vec4, v: wp.vec4
+    ) -> wp.vec3:
         """A world direction from one strategy; the zero vector where it has none. u and v serve bsdf and light."""
         wi = wp.vec3(0.0, 0.0, 0.0)
         for i in range(wp.static(count)):

@@ -11,7 +11,7 @@ from pxr import Gf, Usd, UsdGeom, UsdUtils
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import Camera, CylinderLight, DiskLight, Geometry, Light, RectLight, SphereLight
-from warpmis.usd.reading import Reading
+from warpmis.usd.reading import PxrError, Reading, one_line
 from warpmis.usd.settings import Settings
 
 DEFAULT_WIDTH = 960  # usdrecord's
@@ -84,13 +84,16 @@ def _lens(prim: Any, reading: Reading) -> Any:
     """The prim as a Gf.Camera, with a warning for what a pinhole leaves out."""
     path = prim.GetPath()
     camera = UsdGeom.Camera(prim)
-    gf_camera = camera.GetCamera(reading.time)
+    try:
+        gf_camera = camera.GetCamera(reading.time)
+    except PxrError as error:
+        raise StageError(f"the camera cannot be read: {one_line(error)}", str(path)) from None
     lens = (gf_camera.focalLength, gf_camera.horizontalAperture, gf_camera.verticalAperture)
     offsets = (gf_camera.horizontalApertureOffset, gf_camera.verticalApertureOffset)
     if not np.isfinite((*lens, *offsets)).all() or min(lens) <= 0.0:
         raise StageError("focalLength and both apertures must be above 0 and finite", str(path))
     matrix = np.array(gf_camera.transform)
-    if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
+    if not _is_invertible(matrix[:3, :3]) or not np.isfinite(matrix).all():
         raise StageError("the camera's transform is not invertible", str(path))
     if gf_camera.projection == Gf.Camera.Orthographic:
         reading.warn(path, "orthographic projection is not supported; perspective is used")
@@ -99,6 +102,14 @@ def _lens(prim: Any, reading: Reading) -> Any:
     if not math.isclose(camera.ComputeLinearExposureScale(reading.time), 1.0, rel_tol=1e-5):
         reading.warn(path, "the camera's exposure is not applied; the picture is scene radiance")
     return gf_camera
+
+
+def _is_invertible(linear: NDArray[np.float64]) -> bool:
+    """Whether the three axes are finite, have a length and do not lie in one plane."""
+    lengths = np.linalg.norm(linear, axis=1, keepdims=True)
+    if not np.isfinite(lengths).all() or not lengths.all():
+        return False
+    return bool(abs(np.linalg.det(linear / lengths)) > 1e-9)
 
 
 def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) -> tuple[int, int]:
@@ -169,7 +180,9 @@ def framing_camera(bounds: Bounds, up_axis: str) -> Any:
 def world_bounds(geometry: Geometry, lights: list[Light]) -> Bounds:
     """Smallest and largest corner of the geometry, or, without any, of the lights that have a place."""
     if len(geometry.triangles):
-        points = geometry.points[np.unique(geometry.triangles)].astype(np.float64)
+        used = np.zeros(len(geometry.points), bool)
+        used[geometry.triangles] = True
+        points = geometry.points[used].astype(np.float64)
         return points.min(axis=0), points.max(axis=0)
     boxes = [corner for light in lights for corner in _box(light)]
     if not boxes:

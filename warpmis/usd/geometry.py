@@ -120,9 +120,8 @@ class GeometryBuilder:
 
 def placed_points(points: FloatArray, matrices: FloatArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """World positions of the instances that float32 can hold, shape (k', n, 3), and which they are, shape (k,)."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        world = points @ matrices[:, :3, :3] + matrices[:, None, 3, :3]
-        inside = np.asarray((np.abs(world) < MAX_COORDINATE).all(axis=(1, 2)))
+    world = points @ matrices[:, :3, :3] + matrices[:, None, 3, :3]
+    inside = np.asarray((np.abs(world) < MAX_COORDINATE).all(axis=(1, 2)))
     return world[inside].astype(np.float32), inside
 
 
@@ -144,15 +143,21 @@ def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, 
         wound = np.where(mirrored[:, None, None], rows[:, ::-1], rows)
         return np.where(wound >= 0, wound + instance * stride, -1).reshape(-1, 3)
 
-    normals = surface.normals @ cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
-    length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit = np.where((length > 0.0) & np.isfinite(length), normals / length, np.nan)
     return (
         repeated(surface.triangles, len(surface.points)),
-        unit.reshape(-1, 3),
+        _placed_normals(surface.normals, linear, mirrored),
         repeated(surface.normal_indices, len(surface.normals)),
     )
+
+
+def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> FloatArray:
+    """Unit normals of all instances, shape (k * m, 3); NaN for one without a direction."""
+    if not len(normals):
+        return np.empty((0, 3))
+    carried = normals @ cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
+    length = np.linalg.norm(carried, axis=-1, keepdims=True)
+    unit = np.where((length > 0.0) & np.isfinite(length), carried / length, np.nan)
+    return unit.reshape(-1, 3)
 
 
 def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> FloatArray:

@@ -94,8 +94,7 @@ def _world_matrices(prim: Any, parent: FloatArray, transforms: Any) -> FloatArra
     matrix = np.array(local)
     if resets:
         return np.broadcast_to(matrix, parent.shape)
-    with np.errstate(all="ignore"):
-        return matrix @ parent
+    return matrix @ parent
 
 
 def _instancer_visits(visit: _Visit, purpose: Any, matrices: FloatArray, reading: Reading) -> list[_Visit]:

@@ -65,19 +65,22 @@ class Emission:
         return self.radiance / size_factor if self.normalize else self.radiance
 
 
+def is_light(type_name: str) -> bool:
+    """Whether `read_light` knows the prim type."""
+    return type_name in LIGHTS
+
+
 def read_light(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> list[Light | EmissiveSurface]:
     """The light of a prim, once for each matrix that has a place for it.
 
-    A light that emits nothing is left out silently; one without size, with an intensity that is negative or not
-    finite, or of an unknown type, with a warning. What is not honoured (shaping, links, filters) gives a warning.
+    A light that emits nothing is left out silently; one without size, or with an intensity that is negative or not
+    finite, with a warning. What is not honoured (shaping, links, filters) gives a warning.
 
     Args:
+        prim: of a type for which `is_light` holds.
         matrices: local to world, USD's row-vector convention, shape (k, 4, 4).
     """
-    read = LIGHTS.get(str(prim.GetTypeName()))
-    if read is None:
-        reading.warn(prim.GetPath(), f"{prim.GetTypeName()} is not supported; the light is left out")
-        return []
+    read = LIGHTS[str(prim.GetTypeName())]
     emission = read_emission(prim, reading)
     if emission is None:
         return []
@@ -94,10 +97,8 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
     exposure = reading.number(prim, "inputs:exposure", 0.0)
     color = np.array(reading.get(light.GetColorAttr(), (1.0, 1.0, 1.0)), np.float64)
     if reading.get(light.GetEnableColorTemperatureAttr(), False):
-        temperature = reading.number(prim, "inputs:colorTemperature", 6500.0)
-        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(temperature), np.float64)
-    with np.errstate(all="ignore"):
-        radiance = intensity * np.exp2(exposure) * color
+        color = color * blackbody_color(reading.number(prim, "inputs:colorTemperature", 6500.0))
+    radiance = intensity * np.exp2(exposure) * color
     if not np.isfinite(radiance).all() or np.abs(radiance).max() > MAX_COORDINATE or intensity < 0.0:
         reading.warn(
             path, f"the light is left out: intensity {intensity:g}, exposure {exposure:g} and color must give a "
@@ -112,25 +113,37 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
     return Emission(str(path), radiance, bool(reading.get(light.GetNormalizeAttr(), False)))
 
 
+def blackbody_color(temperature: float) -> Vector:
+    """UsdLux's colour of a black body of 1000 to 10000 K, shape (3,); NaN for NaN, which crashes pxr."""
+    if math.isnan(temperature):
+        return np.full(3, np.nan)
+    return np.array(UsdLux.BlackbodyTemperatureAsRgb(min(max(temperature, 1000.0), 10000.0)), np.float64)
+
+
 def warn_unhonoured(prim: Any, reading: Reading) -> None:
     """One warning for each thing authored on a light that changes its picture and is not rendered."""
     path = prim.GetPath()
     light = UsdLux.LightAPI(prim)
-    shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
     found = {
         "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes(prim, reading),
-        "shadow controls": shadow and any(attr.HasAuthoredValue() for attr in shadow.GetPrim().GetAttributes()
-                                          if attr.GetName().startswith("inputs:shadow:")),
+        "shadow controls": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
         "light linking": _links(light.GetLightLinkCollectionAPI(), reading),
         "shadow linking": _links(light.GetShadowLinkCollectionAPI(), reading),
         "light filters": light.GetFiltersRel().HasAuthoredTargets(),
         "the diffuse and specular multipliers": reading.get(light.GetDiffuseAttr(), 1.0) != 1.0
         or reading.get(light.GetSpecularAttr(), 1.0) != 1.0,
         "the light's texture": "Dome" not in str(prim.GetTypeName()) and _texture(prim, reading) is not None,
-    }  # fmt: skip
+    }
     for feature, present in found.items():
         if present:
-            reading.warn(path, f"{feature} not supported; the light is rendered without")
+            reading.warn(path, f"not supported: {feature}; the light is rendered without")
+
+
+def _shadows(prim: Any, reading: Reading) -> bool:
+    """Whether an applied ShadowAPI changes the shadows."""
+    definition = prim.GetPrimDefinition()
+    names = [name for name in definition.GetPropertyNames() if name.startswith("inputs:shadow:")]
+    return any(reading.get(prim.GetAttribute(n)) != definition.GetAttributeFallbackValue(n) for n in names)
 
 
 def _shapes(prim: Any, reading: Reading) -> bool:
@@ -172,10 +185,9 @@ def _has_place(path: str, shape: list[Any], area: float, reading: Reading) -> bo
 
 def _spread(prim: Any, matrix: Vector, sizes: tuple[float, float]) -> tuple[Vector, Vector, Vector]:
     """Centre and world images of x and y times `sizes`, such that cross(half_v, half_u) is where -Z emits to."""
-    with np.errstate(all="ignore"):
-        half_u, half_v = sizes[0] * matrix[0, :3], sizes[1] * matrix[1, :3]
-        if np.dot(np.cross(half_v, half_u), matrix[2, :3]) > 0.0:
-            half_u = -half_u
+    half_u, half_v = sizes[0] * matrix[0, :3], sizes[1] * matrix[1, :3]
+    if np.dot(np.cross(half_v, half_u), matrix[2, :3]) > 0.0:
+        half_u = -half_u
     return matrix[3, :3].copy(), half_u, half_v
 
 
@@ -201,7 +213,7 @@ def _sphere(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> 
     radius = abs(reading.number(prim, "inputs:radius", 0.5))
     if reading.get(prim.GetAttribute("treatAsPoint"), False):
         return _point(matrix, radius, emission, reading)
-    area = ellipsoid_area(radius * matrix[:3, :3])
+    area = ellipsoid_area(matrix[:3, :3], radius)
     if not _has_place(emission.path, [matrix, radius], area, reading):
         return None
     scale = uniform_scale(matrix[:3, :3])
@@ -215,7 +227,7 @@ def _point(matrix: Vector, radius: float, emission: Emission, reading: Reading) 
 
     With normalize that is a quarter of the light's intensity, whatever the radius, 0 included.
     """
-    area = ellipsoid_area(radius * matrix[:3, :3])
+    area = ellipsoid_area(matrix[:3, :3], radius)
     if not _has_place(emission.path, [matrix, radius], 1.0 if emission.normalize else area, reading):
         return None
     intensity = emission.radiance / 4.0 if emission.normalize else emission.radiance * area / 4.0
@@ -311,26 +323,24 @@ def uniform_scale(linear: Vector) -> float | None:
     return math.sqrt(square) if similar else None
 
 
-def ellipsoid_area(linear: Vector) -> float:
-    """Area of the unit sphere's image under a matrix of shape (3, 3): the integral of |cofactors n| over n."""
+def ellipsoid_area(linear: Vector, radius: float) -> float:
+    """Area of a sphere's image under a matrix of shape (3, 3): radius^2 times the integral of |cofactors n| over n."""
     cosine, weight = np.polynomial.legendre.leggauss(64)
     angle = 2.0 * np.pi * (np.arange(128) + 0.5) / 128
     sine = np.sqrt(1.0 - cosine**2)[:, None]
     normals = np.stack(
         [sine * np.cos(angle), sine * np.sin(angle), np.broadcast_to(cosine[:, None], (64, 128))], axis=-1
     )
-    with np.errstate(all="ignore"):
-        stretch = np.linalg.norm(normals @ cofactors(linear), axis=-1)
-        return float((stretch * weight[:, None]).sum() * 2.0 * np.pi / 128)
+    stretch = np.linalg.norm(normals @ cofactors(linear), axis=-1)
+    return float((stretch * weight[:, None]).sum() * 2.0 * np.pi / 128) * radius * radius
 
 
 def cylinder_area(linear: Vector, length: float, radius: float) -> float:
     """Area of the image of a cylinder about X without caps, under a matrix of shape (3, 3)."""
     angle = 2.0 * np.pi * (np.arange(256) + 0.5) / 256
     tangents = np.stack([np.zeros(256), -np.sin(angle), np.cos(angle)], axis=-1)
-    with np.errstate(all="ignore"):
-        stretch = np.linalg.norm(np.cross(linear[0], tangents @ linear), axis=-1)
-        return float(stretch.mean()) * 2.0 * np.pi * radius * length
+    stretch = np.linalg.norm(np.cross(linear[0], tangents @ linear), axis=-1)
+    return float(stretch.mean()) * 2.0 * np.pi * radius * length
 
 
 LIGHTS: dict[str, Callable[[Any, Vector, Emission, Reading], Light | EmissiveSurface | None]] = {

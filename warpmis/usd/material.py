@@ -99,10 +99,14 @@ def _display_value(primvars: Any, name: str, components: int, reading: Reading) 
     if not primvar or not primvar.HasValue():
         return None
     path = primvars.GetPath()
-    values = np.asarray(primvar.ComputeFlattened(reading.time) or [], np.float64).reshape(-1, components)
+    values = np.asarray(primvar.ComputeFlattened(reading.time))
+    if values.dtype.kind not in "fiu" or values.size % components:
+        reading.warn(path, f"primvars:{name} is of the wrong type; it is not used")
+        return None
+    values = values.astype(np.float64).reshape(-1, components)
     if not len(values):
         return None
-    if (values != values[0]).any():
+    if not np.array_equal(values, np.broadcast_to(values[0], values.shape), equal_nan=True):
         reading.warn(path, f"{name} varies over the surface; its mean is used")
     fallback = np.full(components, GREY if components == 3 else 1.0)
     return _clamped(path, f"primvars:{name}", values.mean(axis=0), fallback, 0.0, 1.0, reading)

@@ -25,7 +25,7 @@ def read_mesh(prim: Any, reading: Reading) -> Surface | None:
         return None
     corners, faces = triangulate(polygons)
     left_handed = reading.get(mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
-    scheme = str(reading.get(mesh.GetSubdivisionSchemeAttr()))
+    scheme = str(reading.get(mesh.GetSubdivisionSchemeAttr(), "catmullClark"))
     normals: tuple[FloatArray, IntArray] | None = None
     if scheme == "none":
         normals = _authored_normals(mesh, polygons, corners, faces, reading)
@@ -59,12 +59,12 @@ def _read_polygons(mesh: Any, reading: Reading) -> Polygons:
             reading.warn(path, f"{number} faces left out: {reason}")
         usable[bad] = False
 
-    outside = (indices < 0) | (indices >= len(points))
+    outside = np.asarray((indices < 0) | (indices >= len(points)))
     drop(outside, f"their faceVertexIndices lie outside the {len(points)} points")
     if outside.any():
         indices = np.where(outside, 0, indices)
     if len(points):
-        drop(~np.isfinite(points).all(axis=1)[indices], "they use points that are not finite")
+        drop(~np.isfinite(points[indices]).all(axis=1), "they use points that are not finite")
         points = np.where(np.isfinite(points), points, 0.0)
     holes = reading.indices(mesh.GetHoleIndicesAttr())
     usable[holes[(holes >= 0) & (holes < len(counts))]] = False

@@ -41,8 +41,8 @@ class Polygons:
 def triangulate(polygons: Polygons) -> tuple[IntArray, IntArray]:
     """Triangles of the usable faces, in the faces' own winding: a face of n corners gives n - 2.
 
-    A face with one reflex corner is star-shaped about that corner, so a fan from there is exact; a face with more is
-    clipped ear by ear.
+    A face with one reflex corner is star-shaped about that corner, so a fan from there is exact; a face of five corners
+    or more with several is clipped ear by ear. (A quadrilateral with several crosses itself.)
 
     Returns:
         corners: index into `polygons.indices` of each triangle corner, shape (F, 3).
@@ -66,8 +66,8 @@ def triangulate(polygons: Polygons) -> tuple[IntArray, IntArray]:
 def corner_neighbours(polygons: Polygons, faces: IntArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """For every corner of `faces`: the corner, the one before, the one after, and its row in `faces`; shape (c,)."""
     counts, starts = polygons.counts[faces], polygons.starts[faces]
-    row = np.repeat(np.arange(len(faces)), counts)
-    local = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    row: IntArray = np.repeat(np.arange(len(faces), dtype=np.int64), counts)
+    local: IntArray = np.arange(int(counts.sum()), dtype=np.int64) - np.repeat(np.cumsum(counts) - counts, counts)
     size, start = counts[row], starts[row]
     return start + local, start + (local - 1) % size, start + (local + 1) % size, row
 
@@ -98,7 +98,7 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     number = np.add.reduceat(reflex.astype(np.int64), begin)
     single = reflex & (number == 1)[row]
     pivots[large[row[single]]] = (corner - corner[begin][row])[single]
-    clipped[large] = number > 1
+    clipped[large] = (number > 1) & (counts > 4)
     return pivots, clipped
 
 

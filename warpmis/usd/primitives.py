@@ -39,8 +39,8 @@ def read_primitive(prim: Any, reading: Reading) -> Surface | None:
         return None
     surface = tessellate(*sizes)
     axis = str(reading.get(prim.GetAttribute("axis"), "Z"))
-    if axis == "X" and str(prim.GetTypeName()) == "Plane":
-        surface = plane(sizes[1], sizes[0])  # its width runs along z there, and its length along y
+    if axis in ("X", "Y") and str(prim.GetTypeName()) == "Plane":
+        surface = plane(*reversed(sizes))  # the schema lays its width along z for X and along x for Y
     surface = along_axis(surface, axis)
     gprim = UsdGeom.Gprim(prim)
     left_handed = reading.get(gprim.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded

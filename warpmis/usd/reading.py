@@ -43,33 +43,50 @@ class Reading:
         self.warnings[f"{path}: {message}"] = None
 
     def get(self, attribute: Any, default: Any = None) -> Any:
-        """The attribute's value at the reading's time, or `default` where it has none or is no attribute."""
+        """The attribute's value at the reading's time; `default` where it has none.
+
+        A value of a type that the schema does not give the attribute (USD lets it be authored) is left out with a
+        warning; numbers of another precision are not.
+        """
         value = attribute.Get(self.time) if attribute else None
-        return default if value is None else value
+        if value is None:
+            return default
+        expected = attribute.GetTypeName().defaultValue
+        if type(value) is not type(expected) and not _is_convertible(np.asarray(value), np.asarray(expected)):
+            self.warn(attribute.GetPath(), f"left out: its value is not of type {attribute.GetTypeName()}")
+            return default
+        return value
 
     def indices(self, attribute: Any) -> NDArray[np.int64]:
-        """An int array attribute, shape (n,); empty where it has no value or, with a warning, another type."""
-        return self._array(attribute, "iu", ()).astype(np.int64)
+        """An int array attribute, shape (n,); empty where it has no value."""
+        return self._array(attribute, np.empty(0, np.int64))
 
     def vectors(self, attribute: Any) -> NDArray[np.float64]:
-        """A float3 array attribute, shape (n, 3); empty where it has no value or, with a warning, another type."""
-        return self._array(attribute, "f", (3,)).astype(np.float64)
+        """A float3 array attribute, shape (n, 3); empty where it has no value."""
+        return self._array(attribute, np.empty((0, 3)))
 
-    def _array(self, attribute: Any, kinds: str, item: tuple[int, ...]) -> NDArray[Any]:
-        """An array attribute whose dtype.kind is one of `kinds`, shape (n, *item)."""
-        value = self.get(attribute)
-        array = np.empty((0, *item)) if value is None else np.asarray(value)
-        if array.ndim and not len(array):
-            return np.empty((0, *item))
-        if array.ndim == 1 + len(item) and array.shape[1:] == item and array.dtype.kind in kinds:
-            return array
-        self.warn(attribute.GetPath(), f"left out: its type {attribute.GetTypeName()} is not the schema's")
-        return np.empty((0, *item))
+    def _array(self, attribute: Any, empty: NDArray[Any]) -> NDArray[Any]:
+        """An array attribute as `empty` is: also of a primvar, whose type no schema fixes."""
+        value = np.asarray(self.get(attribute, empty))
+        if _is_convertible(value, empty):
+            return value.astype(empty.dtype)
+        if value.size:
+            self.warn(attribute.GetPath(), f"left out: {attribute.GetTypeName()} is not its type")
+        return empty
 
     def number(self, prim: Any, name: str, default: float) -> float:
-        """A scalar attribute of `prim` by name; NaN where its value is not a number."""
-        value = self.get(prim.GetAttribute(name), default)
-        return float(value) if isinstance(value, (int, float)) else float("nan")
+        """A scalar attribute of `prim` by name; NaN or infinite where it is authored so."""
+        return float(self.get(prim.GetAttribute(name), default))
+
+
+def _is_convertible(value: NDArray[Any], expected: NDArray[Any]) -> bool:
+    """Whether a value is numbers of the expected kind and shape; an expected array is empty, shape (0, ...)."""
+    kinds = "iub" if expected.dtype.kind in "iub" else "iubf"
+    if value.dtype.kind not in kinds or expected.dtype.kind not in "iubf":
+        return False
+    if expected.ndim and len(expected) == 0:
+        return value.ndim == expected.ndim and value.shape[1:] == expected.shape[1:]
+    return value.shape == expected.shape
 
 
 def one_line(error: BaseException) -> str:

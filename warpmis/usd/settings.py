@@ -52,7 +52,7 @@ def read_settings(reading: Reading, path: str | None) -> Settings:
 
 def _read(settings: Any, reading: Reading) -> Settings:
     path = settings.GetPath()
-    ratio = float(reading.get(settings.GetPixelAspectRatioAttr(), 1.0))
+    ratio = reading.number(settings.GetPrim(), "pixelAspectRatio", 1.0)
     if not 0.0 < ratio < float("inf"):
         reading.warn(path, f"pixelAspectRatio {ratio:g} must be above 0; 1 is used")
         ratio = 1.0
@@ -72,7 +72,10 @@ def _resolution(settings: Any, reading: Reading) -> tuple[int, int] | None:
     attribute = settings.GetResolutionAttr()
     if not attribute.HasAuthoredValue():
         return None
-    width, height = reading.get(attribute)
+    value = reading.get(attribute)
+    if value is None:
+        return None
+    width, height = value
     if width < 1 or height < 1:
         reading.warn(settings.GetPath(), f"resolution {width} x {height} must be at least 1 x 1; it is not used")
         return None

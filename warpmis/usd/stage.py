@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSkel
 
-from warpmis.errors import StageError
+from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import read_camera, world_bounds
 from warpmis.usd.geometry import GeometryBuilder, Surface
 from warpmis.usd.instances import Placement, placements
-from warpmis.usd.light import EmissiveSurface, read_light
+from warpmis.usd.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.material import MaterialReader
 from warpmis.usd.mesh import read_mesh
 from warpmis.usd.primitives import is_primitive, read_primitive
@@ -30,6 +30,8 @@ from warpmis.usd.reading import (
 )
 from warpmis.usd.settings import read_settings
 
+PURPOSES = {"default", "render", "proxy", "guide"}
+
 
 def load_stage(
     path_or_stage: str | os.PathLike[str] | Usd.Stage,
@@ -42,8 +44,7 @@ def load_stage(
 ) -> Scene:
     """Reads a stage at one time into a Scene, everything in world space.
 
-    What is not supported becomes a line of Scene.warnings, and the rest is read; pxr's own messages go there too
-    instead of to standard error.
+    What is not supported becomes a line of Scene.warnings; pxr's own messages go there too, not to standard error.
 
     Args:
         camera: path or name of the camera; None takes the RenderSettings', else `main_cam`, else the stage's first,
@@ -56,9 +57,13 @@ def load_stage(
 
     Raises:
         StageError: the stage is missing, unreadable or empty, or has no such camera or settings.
-        ConfigError: width is below 1.
+        ConfigError: width is below 1, or there is no such purpose.
     """
-    with captured_diagnostics() as messages:
+    unknown = ", ".join(sorted(set(purposes) - PURPOSES))
+    if unknown:
+        raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")
+    # What is not finite is looked for and warned about by name; NumPy's own warnings would add nothing.
+    with captured_diagnostics() as messages, np.errstate(all="ignore"):
         stage = path_or_stage if isinstance(path_or_stage, Usd.Stage) else _open(os.fspath(path_or_stage))
         reading = Reading(
             stage=stage,
@@ -121,7 +126,7 @@ class StageContents:
 
     Attributes:
         surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
-        light_prims: number of light prims in sight, those included that turned out to emit nothing.
+        light_prims: number of light prims of a supported type, those included that turned out to emit nothing.
     """
 
     reading: Reading
@@ -170,8 +175,12 @@ class StageContents:
             self.reading.warn(prim.path, f"{which} left out: the points lie too far from the origin")
 
     def _add_light(self, placement: Placement) -> None:
+        prim = placement.prim
+        if not is_light(str(prim.GetTypeName())):
+            self.reading.warn(prim.GetPath(), f"{prim.GetTypeName()} is not supported; the light is left out")
+            return
         self.light_prims += 1
-        for light in read_light(placement.prim, placement.matrices, self.reading):
+        for light in read_light(prim, placement.matrices, self.reading):
             if isinstance(light, EmissiveSurface):
                 materials = np.full(len(light.surface.triangles), self.materials.index(light.material))
                 self._place(Prim(light.material.path), light.surface, materials, light.matrix[None])

@@ -7,19 +7,22 @@ import warp as wp
 
 from warpmis.device.views import LightView
 from warpmis.kernels.light.records import LightHit, LightSample
-from warpmis.kernels.warps import PI
 
 wp.set_module_options({"enable_backward": False})
 
-# The solid angle is a difference of angles near 2 pi and so carries an error of about 1e-6: below the lower bound
-# that would be over 0.01 %, above the upper one the sampling itself loses digits. Both sides use area sampling.
+# The solid angle is a difference of angles and so carries an error of some 1e-7, and the sampling divides by such
+# differences: beyond these bounds it loses digits. There both the sampler and the density take the area.
 MIN_SOLID_ANGLE = wp.constant(0.01)
 MAX_SOLID_ANGLE = wp.constant(6.1)
 
 
 @wp.struct
 class SphericalRect:
-    """The rectangle in a frame at the shading point, x and y along its edges, z away from it (z0 < 0)."""
+    """The rectangle in a frame at the shading point, x and y along its edges, z away from it (z0 < 0).
+
+    gamma0, gamma1: angles between the rectangle's plane and the planes through x and its edges at y0 and y1; strip0:
+    solid angle, signed, of the strip from 0 to x0.
+    """
 
     ex: wp.vec3
     ey: wp.vec3
@@ -29,15 +32,16 @@ class SphericalRect:
     y0: float
     y1: float
     z0: float
-    b0: float
-    b1: float
-    k: float
+    gamma0: float
+    gamma1: float
+    strip0: float
     solid_angle: float
 
 
 @wp.func
-def clamped_acos(x: float) -> float:
-    return wp.acos(wp.clamp(x, -1.0, 1.0))
+def corner_angle(x: float, y: float, z: float) -> float:
+    """Solid angle, signed, of the rectangle from (0, 0) to (x, y) at height z: atan(x y / (|z| |(x, y, z)|))."""
+    return wp.atan2(x * y, wp.abs(z) * wp.sqrt(x * x + y * y + z * z))
 
 
 @wp.func
@@ -59,30 +63,24 @@ def spherical_rect(light: LightView, x: wp.vec3) -> SphericalRect:
     r.x1 = cx + half_x
     r.y0 = cy - half_y
     r.y1 = cy + half_y
-    # Unit normals of the four planes through x and an edge: (0, z0, -y0), (-z0, 0, x1), (0, -z0, y1), (z0, 0, -x0).
-    zz = r.z0 * r.z0
-    n0z = -r.y0 / wp.sqrt(zz + r.y0 * r.y0)
-    n1z = r.x1 / wp.sqrt(zz + r.x1 * r.x1)
-    n2z = r.y1 / wp.sqrt(zz + r.y1 * r.y1)
-    n3z = -r.x0 / wp.sqrt(zz + r.x0 * r.x0)
-    g0 = clamped_acos(-n0z * n1z)
-    g1 = clamped_acos(-n1z * n2z)
-    g2 = clamped_acos(-n2z * n3z)
-    g3 = clamped_acos(-n3z * n0z)
-    r.b0 = n0z
-    r.b1 = n2z
-    r.k = 2.0 * PI - g2 - g3
-    r.solid_angle = g0 + g1 - r.k
+    r.gamma0 = wp.atan2(-r.z0, r.y0)
+    r.gamma1 = wp.atan2(-r.z0, r.y1)
+    r.strip0 = corner_angle(r.x0, r.y1, r.z0) - corner_angle(r.x0, r.y0, r.z0)
+    r.solid_angle = corner_angle(r.x1, r.y1, r.z0) - corner_angle(r.x1, r.y0, r.z0) - r.strip0
     return r
 
 
 @wp.func
 def sample_spherical_rect(r: SphericalRect, u: float, v: float) -> wp.vec3:
     """Direction (not normalised) from the shading point to a point uniform in solid angle."""
-    au = u * r.solid_angle + r.k
-    fu = (wp.cos(au) * r.b0 - r.b1) / wp.sin(au)
-    cu = wp.clamp(wp.where(fu > 0.0, 1.0, -1.0) / wp.sqrt(fu * fu + r.b0 * r.b0), -1.0, 1.0)
-    xu = wp.clamp(-(cu * r.z0) / wp.sqrt(wp.max(1.0 - cu * cu, 1.0e-12)), r.x0, r.x1)
+    # The strip from 0 to xu has the solid angle a: (z / xu)^2 = (fu^2 + b0^2 - 1) of the paper's equations, factored
+    # so that nothing cancels close to the rectangle's plane, where z / xu is small.
+    a = u * r.solid_angle + r.strip0
+    total = r.gamma0 + r.gamma1
+    apart = r.gamma0 - r.gamma1
+    above = wp.sin(0.5 * (total - a)) * wp.sin(0.5 * (total + a)) * wp.sin(0.5 * (apart - a)) * wp.sin(0.5 * (apart + a))
+    xu = -0.5 * r.z0 * wp.sin(a) / wp.sqrt(wp.max(above, 1.0e-30))
+    xu = wp.clamp(xu, r.x0, r.x1)
     d = wp.sqrt(xu * xu + r.z0 * r.z0)
     h0 = r.y0 / wp.sqrt(d * d + r.y0 * r.y0)
     h1 = r.y1 / wp.sqrt(d * d + r.y1 * r.y1)

@@ -46,9 +46,9 @@ class Receiver:
 class RayLight:
     """The light that a ray meets, mesh lights left out (they are surfaces).
 
-    radiance: sum over the analytic lights and the dome seen along the ray; weighted: the same with each light's MIS weight against the
-    density given; pdf_solid_angle: density of the light strategy for the ray's direction, counting also lights hidden
-    behind the surface that the ray hits; hits: number of analytic lights seen.
+    radiance: sum over the analytic lights and the dome seen along the ray; weighted: the same with each light's MIS
+    weight against the density given; pdf_solid_angle: density of the light strategy for the ray's direction, counting
+    also lights hidden behind the surface that the ray hits; hits: number of analytic lights seen.
     """
 
     radiance: wp.vec3
@@ -153,6 +153,8 @@ def make_lights(features: Features) -> SimpleNamespace:
     def pdf_emitter_triangles(scene: SceneView, r: Receiver, wi: wp.vec3) -> float:
         """Density of the mesh lights' samplers for wi: every emissive triangle on the line counts, hidden or not."""
         pdf = float(0.0)
+        if scene.emitter_bvh == wp.uint64(0):
+            return pdf
         query = wp.bvh_query_ray(scene.emitter_bvh, r.x, wi)
         slot = int(0)
         while wp.bvh_query_next(query, slot):

@@ -1,0 +1,99 @@
+"""A render is a function of scene, settings and seed alone, and counts what it did."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scenes
+
+import warpmis
+from warpmis import integrator
+from warpmis.features import Features
+
+SETTINGS = {"spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
+
+
+def pictures(result: warpmis.RenderResult) -> list[np.ndarray]:
+    names = ("image", "alpha", "albedo", "normal", "depth", "samples", "variance", "allocation")
+    return [getattr(result, name) for name in names]
+
+
+def test_image_is_equal_bit_for_bit_for_any_threads_and_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    reference = warpmis.render(scenes.room(), threads=1, **SETTINGS)
+    for threads, launch in ((2, integrator.CPU_LAUNCH), (3, 500), (7, 1)):
+        monkeypatch.setattr(integrator, "CPU_LAUNCH", launch)
+        again = warpmis.render(scenes.room(), threads=threads, **SETTINGS)
+        for mine, theirs in zip(pictures(again), pictures(reference), strict=True):
+            assert np.array_equal(mine, theirs)
+
+
+def test_seed_changes_the_noise() -> None:
+    first, second = (warpmis.render(scenes.room(), **{**SETTINGS, "seed": seed}) for seed in (1, 2))
+    assert not np.array_equal(first.image, second.image)
+    assert np.mean(first.image) == pytest.approx(np.mean(second.image), rel=0.2)
+
+
+def test_stats_count_samples_and_rays() -> None:
+    result = warpmis.render(scenes.room(), method="balance", spp=16, max_depth=0)
+    pixels = 16 * 16
+    assert result.stats["samples"] == pixels * 16
+    assert result.stats["rays"] == pixels * 16  # at depth 0 nothing but the camera ray is traced
+    assert result.stats["rejected_samples"] == 0
+    assert set(result.stats["seconds"]) == {"load", "compile", "learn", "render"}
+    assert (result.samples == 16).all()
+
+
+def test_universal_kernel_traces_the_same_paths() -> None:
+    """Equal random numbers and equal paths: all but rounding is the same."""
+    special = warpmis.render(scenes.room(), **SETTINGS)
+    universal = warpmis.render(scenes.room(), features=Features.all(), **SETTINGS)
+    close = np.isclose(special.image, universal.image, rtol=1e-4).all(axis=-1)
+    assert close.mean() > 0.99
+    assert special.image.mean() == pytest.approx(universal.image.mean(), rel=1e-3)
+
+
+def test_first_hit_pictures() -> None:
+    """Straight ahead, a camera in the room sees the metal back wall 1.95 away."""
+    ahead = scenes.camera((0, 1, 0.95), (0, 1, -1), half_width=0.05)
+    result = warpmis.render(dataclasses.replace(scenes.room(), camera=ahead), spp=16, method="nee")
+    assert result.depth == pytest.approx(1.95, abs=1e-4)
+    assert result.normal == pytest.approx(np.broadcast_to((0.0, 0.0, 1.0), result.normal.shape), abs=1e-5)
+    assert result.albedo == pytest.approx(np.broadcast_to((0.9, 0.8, 0.6), result.albedo.shape), abs=1e-5)
+    assert (result.alpha == 1.0).all()
+
+
+def test_progress_ends_at_the_total() -> None:
+    reports: list[warpmis.Progress] = []
+    warpmis.render(scenes.room(), progress=reports.append, **SETTINGS)
+    phases = [report.phase for report in reports]
+    assert list(dict.fromkeys(phases)) == ["load", "compile", "learn", "render"]
+    assert all(a.done <= b.done for a, b in zip(reports, reports[1:], strict=False))
+    assert reports[-1].total == 16 * 16 * 48
+
+
+def test_allocation_map_must_fit_the_image() -> None:
+    with pytest.raises(warpmis.ConfigError, match="8 x 4 pixels, the image 16 x 16"):
+        warpmis.render(scenes.room(), method="fixed", allocation=np.full((4, 8, 2), 0.5))
+
+
+def test_allocation_map_is_used_per_pixel() -> None:
+    """Light sampling alone misses nothing of a room seen from its lamp's side but its noise differs per pixel."""
+    shares = np.full((16, 16, 2), 0.5)
+    shares[:8] = (0.1, 0.9)
+    mapped = warpmis.render(scenes.room(), method="fixed", allocation=shares, spp=8)
+    plain = warpmis.render(scenes.room(), method="fixed", allocation=(0.1, 0.9), spp=8)
+    assert np.array_equal(mapped.image[:8], plain.image[:8])
+    assert not np.array_equal(mapped.image[8:], plain.image[8:])
+    assert mapped.allocation == pytest.approx(shares, abs=1e-6)
+
+
+def test_device_that_is_not_there_is_named() -> None:
+    with pytest.raises(warpmis.ConfigError, match="no device 'cuda:7'"):
+        warpmis.render(scenes.room(), device="cuda:7")
+
+
+def test_config_and_settings_exclude_each_other() -> None:
+    with pytest.raises(TypeError, match="either a config or single settings"):
+        warpmis.render(scenes.room(), config=warpmis.RenderConfig(), spp=4)
