@@ -33,8 +33,8 @@ MIN_EXPECTED = 5.0
 # Share of the samples that rounding may put into cells of density 0 (Mitsuba's tolerance).
 STRAY_SHARE = 1e-5
 
-# Where all samples lie in the grid, an integral that is by this much off 1 is the quadrature's error. A greater one is
-# left in the expected counts, where it shows as a misfit.
+# Where all samples but this share lie in the grid, an integral that is by as little off is the quadrature's error: the
+# shape of the density is tested alone. A greater error is left in the expected counts, where it shows as a misfit.
 QUADRATURE_ERROR = 2e-3
 
 
@@ -118,19 +118,24 @@ class DirectionGrid:
 
     @classmethod
     def fitted(
-        cls, directions: NDArray[np.float32], rings: int, sectors: int, tail: float = 0.0, margin: float = 1.2
+        cls,
+        directions: NDArray[np.float32],
+        levels: FloatArray,
+        sectors: int,
+        *,
+        axis: FloatArray | None = None,
+        margin: float = 1.2,
     ) -> DirectionGrid:
-        """A grid where the directions are, about their mean, its cells about equally full.
+        """A grid where the directions are, about their mean or a given axis.
 
-        The directions must be others than those that will be tested, or the test would be too lenient. `tail` is the
-        share that is left outside; with 0 the grid ends by the factor `margin` in 1 - cos(theta) beyond the last.
+        The rings end at the quantiles `levels`, from 0 to 1, of 1 - cos(theta), the last one by the factor `margin`
+        later; all sectors are equally full. The directions must be others than those that will be tested, or the test
+        would be too lenient.
         """
-        frame = frame_about(directions.mean(axis=0, dtype=np.float64))
+        frame = frame_about(directions.mean(axis=0, dtype=np.float64) if axis is None else axis)
         height, azimuth = polar(frame, directions)
-        heights = np.quantile(height, np.linspace(0.0, 1.0 - tail, rings + 1))
-        heights[0] = 0.0
-        if tail == 0.0:
-            heights[-1] = min(2.0, margin * heights[-1])
+        heights = np.quantile(height, levels)
+        heights[0], heights[-1] = 0.0, min(2.0, margin * heights[-1])
         azimuths = np.quantile(azimuth, np.linspace(0.0, 1.0, sectors + 1))
         azimuths[0], azimuths[-1] = -np.pi, np.pi
         return cls(frame, heights, azimuths)
@@ -209,8 +214,9 @@ def fit_directions(
     observed = grid.counts(directions)
     observed[-1] += missing
     expected = np.append(masses, max(0.0, 1.0 - integral)) * count
-    if observed[-1] <= STRAY_SHARE * count and abs(integral - 1.0) < QUADRATURE_ERROR:
-        observed, expected = observed[:-1], expected[:-1] / integral
+    outside = observed[-1] / count
+    if outside < QUADRATURE_ERROR and abs(integral + outside - 1.0) < QUADRATURE_ERROR:
+        observed, expected = observed[:-1], expected[:-1] * ((1.0 - outside) / integral)
     return chi_square(observed, expected), integral
 
 

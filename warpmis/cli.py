@@ -107,7 +107,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_learn_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to learn the allocation (--method murray20)")
-    group.add_argument("--learn-rounds", type=int, metavar="N", help=f"rounds, one step each ({LearnConfig().rounds})")
+    group.add_argument("--learn-rounds", type=int, metavar="N", help="rounds, one step each (from --spp)")
     group.add_argument("--learn-spp", type=int, metavar="N", help="samples per pixel a round (half of --spp in all)")
     group.add_argument("--initial-allocation", type=_shares, metavar="A,B", help="shares at the start (equal)")
 

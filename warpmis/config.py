@@ -18,6 +18,9 @@ STRATEGIES = ("bsdf", "light")
 # Murray et al. 2020 clamp the share of a strategy to [0.1, 0.9] so that every kind of path stays explored.
 MIN_SHARE = 0.1
 
+# The paper's number of rounds; after it a start of 0.1 is forgotten (a step multiplies a share by 1.5 at most).
+MAX_DEFAULT_ROUNDS = 8
+
 # Shares typed by hand (0.333,0.333,0.334) or stored in half precision still count as summing to one.
 SUM_TOLERANCE = 1e-4
 
@@ -27,17 +30,19 @@ class LearnConfig:
     """How the allocation is learned.
 
     Attributes:
-        rounds: number of learn rounds; each ends with one Newton step.
+        rounds: number of learn rounds, each ending with one Newton step; None takes one more for every doubling of
+            the budget, up to 8, since a step from few samples is worse than none (scripts/bench/learning.py).
         spp: samples per pixel a round; None spends half of the whole budget on learning.
         initial_allocation: share of each strategy before the first round, or None for equal shares.
     """
 
-    rounds: int = 8
+    rounds: int | None = None
     spp: int | None = None
     initial_allocation: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rounds", _checked_integer("learn rounds", self.rounds, low=1))
+        if self.rounds is not None:
+            object.__setattr__(self, "rounds", _checked_integer("learn rounds", self.rounds, low=1))
         if self.spp is not None:
             object.__setattr__(self, "spp", _checked_integer("learn samples per pixel a round", self.spp, low=1))
         if self.initial_allocation is not None:
@@ -88,11 +93,17 @@ class RenderConfig:
         if self.method == "murray20":
             self._check_learning()
 
+    def learn_rounds(self) -> int:
+        """Number of learn rounds: as set, or 1 for a budget below 64 samples to 8 from 4096 on."""
+        if self.learn.rounds is not None:
+            return self.learn.rounds
+        return min(max(self.spp.bit_length() - 5, 1), MAX_DEFAULT_ROUNDS)
+
     def learn_spp(self) -> int:
         """Samples per pixel of one learn round: as set, or so that all rounds take half of the whole budget."""
         if self.learn.spp is not None:
             return self.learn.spp
-        return max(1, self.spp // (2 * self.learn.rounds))
+        return max(1, self.spp // (2 * self.learn_rounds()))
 
     def to_dict(self) -> dict[str, Any]:
         """The settings as plain JSON values; a per-pixel allocation is named by its shape, not spelled out."""
@@ -112,8 +123,8 @@ class RenderConfig:
             "device": self.device,
             "threads": self.threads,
             "learn": {
-                "rounds": self.learn.rounds,
-                "spp": self.learn.spp,
+                "rounds": self.learn_rounds(),
+                "spp": self.learn_spp(),
                 "initial_allocation": None if initial is None else list(initial),
             },
         }
@@ -159,7 +170,7 @@ class RenderConfig:
                 f"initial allocation must have {count} shares, one for each of {', '.join(self.strategies)}, "
                 f"got {len(initial)}"
             )
-        rounds, learn_spp = self.learn.rounds, self.learn_spp()
+        rounds, learn_spp = self.learn_rounds(), self.learn_spp()
         if rounds * learn_spp > self.spp:
             raise ConfigError(
                 f"{rounds} learn rounds of {learn_spp} samples per pixel exceed the budget of {self.spp}; "

@@ -122,7 +122,7 @@ class Integrator:
     def allocation_map(self) -> NDArray[np.float32]:
         """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""
         shares = self.allocation.numpy() if self.count else self.start_allocation
-        return shares.reshape(self.height, self.width, -1)
+        return shares.reshape(self.height, self.width, -1).copy()
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""

@@ -216,12 +216,13 @@ def one(make: Callable[..., Light], *arguments: Any, **options: Any) -> Case:
 
 CASES: dict[str, Case] = {
     # half_u = +X and half_v = +Y emit along -Z, towards the receiver.
-    "rect": one(rect, (0.2, 0.1, 3.0), (0.5, 0, 0), (0, 1.0, 0)),
+    "rect": one(rect, (0.2, 0.1, 3.0), (0.5, 0, 0), (0, 1.0, 0), by_surface=True),
     "rect_near": one(rect, (0.2, 0.1, 0.25), (0.5, 0, 0), (0, 0.5, 0)),
     "rect_touching": one(rect, (0.1, 0.2, 0.01), (0.5, 0, 0), (0, 0.5, 0), by_surface=True),  # solid angle > 6.1
     "rect_far": one(rect, (3.0, 2.0, 40.0), (0.5, 0, 0), (0, 1.0, 0), stray=1e-3),  # solid angle < 0.01
     "rect_grazing": one(rect, (0.0, 1.6, 0.05), (2.0, 0, 0), (0, 1.5, 0)),
-    "rect_grazing_by_area": one(rect, (0.0, 1.6, 0.002), (2.0, 0, 0), (0, 1.5, 0), stray=5e-3, by_surface=True),
+    "rect_skimming": one(rect, (0.0, 1.6, 0.002), (2.0, 0, 0), (0, 1.5, 0), stray=5e-3, by_surface=True),
+    "rect_skimming_by_area": one(rect, (0.0, 2.6, 0.002), (2.0, 0, 0), (0, 1.5, 0), stray=5e-3, by_surface=True),
     "rect_over_its_edge": one(rect, (0.5, 0.5, 0.2), (0.5, 0, 0), (0, 0.5, 0)),
     "rect_long": one(rect, (0.0, 0.1, 0.3), (0.02, 0, 0), (0, 4.0, 0), by_surface=True),
     "parallelogram": one(rect, (0.2, 0.1, 0.8), (0.5, 0, 0), (0.4, 0.5, 0)),
@@ -397,7 +398,7 @@ def grid_of(name: str) -> tuple[Grid, int]:
         frame = np.stack([TURN[:, 0], -TURN[:, 2], TURN[:, 1]])
         return DirectionGrid(frame, 1.0 - np.cos(np.pi * np.arange(9) / 8), np.linspace(-np.pi, np.pi, 17)), 48
     wi, out = sampled(name, PILOT, seed=2)
-    grid = DirectionGrid.fitted(wi[out["sampled_pdf"] > 0.0], rings=12, sectors=12)
+    grid = DirectionGrid.fitted(wi[out["sampled_pdf"] > 0.0], np.linspace(0.0, 1.0, 13), sectors=12)
     return grid, 96 if CASES[name].overlaps else 40
 
 

@@ -106,7 +106,12 @@ def test_numpy_numbers_become_plain() -> None:
 
 @pytest.mark.parametrize(
     ("spp", "learn", "expected"),
-    [(256, LearnConfig(), 16), (8, LearnConfig(), 1), (100, LearnConfig(rounds=3), 16), (64, LearnConfig(spp=5), 5)],
+    [
+        (256, LearnConfig(), 32),
+        (256, LearnConfig(rounds=8), 16),
+        (100, LearnConfig(rounds=1), 50),
+        (64, LearnConfig(spp=3), 3),
+    ],
 )
 def test_learning_takes_half_of_the_budget_unless_told(spp: int, learn: LearnConfig, expected: int) -> None:
     assert RenderConfig(spp=spp, learn=learn).learn_spp() == expected
@@ -123,7 +128,14 @@ def test_learning_within_the_budget() -> None:
 def test_budget_concerns_the_learning_method_alone() -> None:
     RenderConfig(spp=1, method="balance")
     with pytest.raises(ConfigError, match="or take fewer learn rounds"):
-        RenderConfig(spp=1)
+        RenderConfig(spp=1, learn=LearnConfig(rounds=2))
+
+
+@pytest.mark.parametrize(("spp", "rounds"), [(1, 1), (4, 1), (63, 1), (64, 2), (256, 4), (4096, 8), (1 << 20, 8)])
+def test_rounds_grow_with_the_budget_and_always_fit(spp: int, rounds: int) -> None:
+    config = RenderConfig(spp=spp)
+    assert config.learn_rounds() == rounds
+    assert rounds * config.learn_spp() <= spp
 
 
 @pytest.mark.parametrize(
@@ -153,7 +165,7 @@ def test_plain_values_are_json() -> None:
     settings = fixed((0.25, 0.75), width=64, learn=LearnConfig(initial_allocation=(0.5, 0.5))).to_dict()
     assert json.loads(json.dumps(settings)) == settings
     assert settings["allocation"] == [0.25, 0.75]
-    assert settings["learn"] == {"rounds": 8, "spp": None, "initial_allocation": [0.5, 0.5]}
+    assert settings["learn"] == {"rounds": 4, "spp": 32, "initial_allocation": [0.5, 0.5]}
 
 
 def test_plain_values_name_a_picture_by_its_shape() -> None:

@@ -89,7 +89,7 @@ def test_directions_of_the_right_density_pass_and_of_a_wrong_one_fail(fitted: bo
     directions = cosine_directions(200_000, seed=1)
     grid = DirectionGrid.about(AXIS, np.linspace(0.0, 2.0, 13), sectors=12)
     if fitted:
-        grid = DirectionGrid.fitted(cosine_directions(20_000, seed=2), rings=12, sectors=12)
+        grid = DirectionGrid.fitted(cosine_directions(20_000, seed=2), np.linspace(0.0, 1.0, 13), sectors=12)
     fit, integral = fit_directions(directions, cosine_density, grid)
     assert fit.p_value > 1e-3
     assert integral == pytest.approx(1.0, abs=2e-3)

@@ -11,7 +11,7 @@ import warp as wp
 from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.order import first_use_order, morton_order
-from warpmis.device.views import CameraView, DomeView, LightView, MaterialView, SceneView, TriangleView
+from warpmis.device.views import CameraView, DeltaLightView, DomeView, LightView, MaterialView, SceneView, TriangleView
 from warpmis.errors import ConfigError
 from warpmis.scene import Camera, Geometry, Material, Scene
 
@@ -131,7 +131,7 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> w
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
     view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
     if tables.delta_lights:
-        view.delta_lights = wp.array(tables.delta_lights, dtype=type(tables.delta_lights[0]))
+        view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)
     if tables.environment is not None:
         view.dome = dome_view(tables)
     if len(tables.emitter_triangles) == 0:

@@ -24,7 +24,7 @@ def schedule(config: RenderConfig) -> tuple[Round, ...]:
     spent = 0
     if config.method in LEARNING_METHODS:
         spp = config.learn_spp()
-        for _ in range(config.learn.rounds):
+        for _ in range(config.learn_rounds()):
             rounds.append(Round(spent, spp, learn=True))
             spent += spp
     if spent < config.spp:

@@ -78,9 +78,9 @@ def sample_spherical_rect(r: SphericalRect, u: float, v: float) -> wp.vec3:
     a = u * r.solid_angle + r.strip0
     total = r.gamma0 + r.gamma1
     apart = r.gamma0 - r.gamma1
-    above = wp.sin(0.5 * (total - a)) * wp.sin(0.5 * (total + a)) * wp.sin(0.5 * (apart - a)) * wp.sin(0.5 * (apart + a))
-    xu = -0.5 * r.z0 * wp.sin(a) / wp.sqrt(wp.max(above, 1.0e-30))
-    xu = wp.clamp(xu, r.x0, r.x1)
+    below = wp.sin(0.5 * (total - a)) * wp.sin(0.5 * (total + a))
+    below = below * wp.sin(0.5 * (apart - a)) * wp.sin(0.5 * (apart + a))
+    xu = wp.clamp(-0.5 * r.z0 * wp.sin(a) / wp.sqrt(wp.max(below, 1.0e-30)), r.x0, r.x1)
     d = wp.sqrt(xu * xu + r.z0 * r.z0)
     h0 = r.y0 / wp.sqrt(d * d + r.y0 * r.y0)
     h1 = r.y1 / wp.sqrt(d * d + r.y1 * r.y1)
