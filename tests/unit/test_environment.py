@@ -29,8 +29,15 @@ def looked(uv: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.flo
     return directions.numpy(), back.numpy()
 
 
-def dome(picture: NDArray[np.float32] | None, radiance: tuple[float, ...] = (1.0, 1.0, 1.0), turn=np.eye(3)):
-    return DomeLight("/dome", np.asarray(turn), np.array(radiance), picture)
+IDENTITY = np.eye(3)
+
+
+def dome(
+    picture: NDArray[np.float32] | None,
+    radiance: tuple[float, ...] = (1.0, 1.0, 1.0),
+    turn: NDArray[np.float64] = IDENTITY,
+) -> DomeLight:
+    return DomeLight("/dome", turn, np.array(radiance), picture)
 
 
 def noise(rows: int, columns: int, lit: float = 1.0, seed: int = 1) -> NDArray[np.float32]:

@@ -1,0 +1,112 @@
+"""The rays that a render traces, recorded, and a bare kernel that traces them again: the speed that Warp's mesh query
+alone would reach on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+import warpmis.kernels.path as path_module
+from warpmis.device.upload import upload
+from warpmis.device.views import CameraView, SceneView
+from warpmis.features import detect
+from warpmis.kernels import rng
+from warpmis.kernels.camera import camera_ray_direction
+from warpmis.kernels.intersect import Hit, closest_hit, make_intersect
+from warpmis.kernels.path import make_path
+from warpmis.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Rays in the order in which they were traced: origins, unit directions, shape (n, 3); lengths, shape (n,), INFINITE
+    for rays that seek the closest surface, and finite for shadow rays."""
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    lengths: NDArray[np.float32]
+
+
+@wp.func
+def record(scene: SceneView, origin: wp.vec3, wi: wp.vec3, length: float):
+    """Append a ray. A scene without a dome leaves the dome's tables free to hold them."""
+    slot = int(wp.atomic_add(scene.dome.marginal, 0, 1.0))
+    if slot < scene.dome.columns:
+        scene.dome.picture[slot, 0] = origin
+        scene.dome.picture[slot, 1] = wi
+        scene.dome.conditional[slot, 0] = length
+
+
+@wp.func
+def recorded_closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
+    record(scene, origin, wi, 1.0e30)
+    return closest_hit(scene, origin, wi)
+
+
+def recording_intersect(features):
+    plain = make_intersect(features)
+    transmittance_of = plain.transmittance
+
+    @wp.func
+    def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        record(scene, origin, wi, distance)
+        return transmittance_of(scene, origin, wi, distance)
+
+    plain.transmittance = transmittance
+    return plain
+
+
+def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Rays:
+    """The rays of next-event estimation, pixel after pixel, one thread."""
+    features = detect(scene)
+    path_module.closest_hit, path_module.make_intersect = recorded_closest_hit, recording_intersect
+    try:
+        path = make_path(features)
+    finally:
+        path_module.closest_hit, path_module.make_intersect = closest_hit, make_intersect
+    Li = path.Li
+    vec_s = path.strategies.vec_s
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def run(scene: SceneView, camera: CameraView, samples: int, max_depth: int):
+        pixel = wp.tid()
+        for k in range(samples):
+            key = rng.RngKey()
+            key.pixel = wp.uint32(pixel)
+            key.sample = wp.uint32(k)
+            u = rng.uniform4(key, rng.CAMERA)
+            Li(scene, camera.position, camera_ray_direction(camera, pixel, u[0], u[1]), key, vec_s(), max_depth)
+
+    uploaded = upload(scene, "cpu")
+    view = uploaded.view
+    view.dome.columns = capacity
+    view.dome.marginal = wp.zeros(1, dtype=float, device="cpu")
+    view.dome.picture = wp.zeros((capacity, 2), dtype=wp.vec3, device="cpu")
+    view.dome.conditional = wp.zeros((capacity, 1), dtype=float, device="cpu")
+    pixels = uploaded.camera.width * uploaded.camera.height
+    wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
+    count = int(view.dome.marginal.numpy()[0])
+    if count > capacity:
+        raise SystemExit(f"{count} rays do not fit into {capacity}; record fewer pixels or samples")
+    rays = view.dome.picture.numpy()[:count]
+    return Rays(rays[:, 0].copy(), rays[:, 1].copy(), view.dome.conditional.numpy()[:count, 0].copy())
+
+
+@wp.kernel(enable_backward=False)
+def bare_queries(
+    mesh: wp.uint64,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    lengths: wp.array(dtype=float),
+    hits: wp.array(dtype=float),
+):
+    """The closest surface for a path's ray, any surface for a shadow ray: what the trace kernel asks Warp for."""
+    i = wp.tid()
+    if lengths[i] < 1.0e29:
+        hits[i] = wp.where(wp.mesh_query_ray_anyhit(mesh, origins[i], directions[i], lengths[i]), 1.0, 0.0)
+    else:
+        query = wp.mesh_query_ray(mesh, origins[i], directions[i], 1.0e30)
+        hits[i] = query.t

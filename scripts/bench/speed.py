@@ -1,0 +1,151 @@
+"""What a render's time goes into, as ratios measured in one run on one machine:
+
+    python scripts/bench/speed.py [SCENE ...] [--json FILE]
+
+threads    samples per second with two threads over one
+roofline   the trace kernel's rays per second over a bare kernel's on the same rays, one thread each
+learning   time of moments, solver and launches over the whole run's, on identical paths
+start      seconds from the command to a written picture, 128 pixels wide, without and with a kernel cache
+
+Each figure is the median of interleaved repetitions, with the smallest and the largest beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import warp as wp
+from recorded_rays import bare_queries, record_rays
+
+import warpmis
+from warpmis.config import LearnConfig, RenderConfig
+from warpmis.device.upload import upload
+from warpmis.features import detect
+from warpmis.integrator import Integrator, allocation_of
+from warpmis.learn.schedule import Round
+from warpmis.scene import DomeLight
+
+USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
+Figure = dict[str, float]
+
+
+def figure(values: list[float]) -> Figure:
+    return {"median": statistics.median(values), "min": min(values), "max": max(values)}
+
+
+def interleaved(first: Callable[[], float], second: Callable[[], float], repeats: int) -> list[float]:
+    """Quotients of two timings taken in turn, after one of each to warm up."""
+    first(), second()
+    return [first() / second() for _ in range(repeats)]
+
+
+def seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def integrator(scene: warpmis.Scene, config: RenderConfig) -> Integrator:
+    strategies = config.strategies if config.method != "nee" else ()
+    return Integrator(
+        upload(scene, config.device),
+        detect(scene).with_strategies(strategies),
+        config,
+        allocation_of(config, *scene.resolution),
+    )
+
+
+def threads(scene: warpmis.Scene, repeats: int) -> Figure:
+    def run(count: int) -> float:
+        run = integrator(scene, RenderConfig(method="balance", threads=count))
+        return seconds(lambda: run.trace(Round(0, 256, learn=False), lambda samples: None))
+
+    return figure(interleaved(lambda: run(1), lambda: run(2), repeats))
+
+
+def roofline(scene: warpmis.Scene, repeats: int) -> Figure:
+    samples = 16
+    capacity = scene.resolution[0] * scene.resolution[1] * samples * 20
+    rays = record_rays(scene, samples, max_depth=8, capacity=capacity)
+    uploaded = upload(scene, "cpu")
+    columns = [wp.array(rays.origins, dtype=wp.vec3), wp.array(rays.directions, dtype=wp.vec3), wp.array(rays.lengths)]
+    hits = wp.zeros(len(rays.lengths), dtype=float)
+    run = integrator(scene, RenderConfig(method="nee", threads=1))
+
+    def bare() -> float:
+        inputs = [uploaded.view.mesh, *columns, hits]
+        return seconds(lambda: wp.launch(bare_queries, dim=len(hits), inputs=inputs)) / len(rays.lengths)
+
+    def traced() -> float:
+        before = run.rays()
+        spent = seconds(lambda: run.trace(Round(0, samples, learn=False), lambda done: None))
+        return spent / (run.rays() - before)
+
+    return figure(interleaved(bare, traced, repeats))
+
+
+def learning(scene: warpmis.Scene, repeats: int) -> Figure:
+    """The allocation is put back after every solve, so that both runs trace the very same paths."""
+    rounds, spp = 8, 32
+    learn = LearnConfig(rounds=rounds, spp=spp)
+    run = integrator(scene, RenderConfig(spp=2 * rounds * spp, threads=1, learn=learn))
+    start = wp.clone(run.allocation)
+
+    def with_learning() -> None:
+        for number in range(rounds):
+            run.trace(Round(number * spp, spp, learn=True), lambda samples: None)
+            run.solve()
+            wp.copy(run.allocation, start)
+        run.trace(Round(rounds * spp, rounds * spp, learn=False), lambda samples: None)
+
+    def without() -> None:
+        run.trace(Round(0, 2 * rounds * spp, learn=False), lambda samples: None)
+
+    shares = interleaved(lambda: seconds(with_learning), lambda: seconds(without), repeats)
+    return figure([1.0 - 1.0 / share for share in shares])
+
+
+def start(stage: Path) -> dict[str, float]:
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "warpmis", "render", str(stage), f"{folder}/out.exr", "-w", "128", "--quiet"]
+        environment = {**os.environ, "WARP_CACHE_PATH": f"{folder}/cache"}
+
+        def run() -> float:
+            return seconds(lambda: subprocess.run(command, env=environment, check=True))
+
+        return {"cold": run(), "warm": statistics.median(run() for _ in range(3))}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", default=["cornell_box"], help="names of folders in usd_scenes")
+    parser.add_argument("--width", type=int, default=96)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    report = {}
+    for name in arguments.scenes:
+        stage = USD_SCENES / name / "scene.usda"
+        scene = warpmis.load_stage(stage, width=arguments.width)
+        report[name] = {"threads": threads(scene, arguments.repeats)}
+        if not any(isinstance(light, DomeLight) for light in scene.lights):
+            report[name]["roofline"] = roofline(scene, arguments.repeats)
+        report[name]["learning"] = learning(scene, arguments.repeats)
+        report[name]["start"] = start(stage)
+        for label, values in report[name].items():
+            print(f"{name:14} {label:10}", "  ".join(f"{key} {value:.3f}" for key, value in values.items()), flush=True)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=2))
+
+
+if __name__ == "__main__":
+    main()
