@@ -22,6 +22,7 @@ SUN_IRRADIANCE = np.array([5.6, 4.5, 3.2])  # on a surface that faces the sun
 ZENITH, HORIZON = np.array([0.13, 0.27, 0.66]), np.array([0.70, 0.79, 0.92])
 GLOW, GROUND = np.array([1.0, 0.72, 0.42]), np.array([0.13, 0.115, 0.085])
 FAR_HILLS, NEAR_HILLS = np.array([0.40, 0.50, 0.64]), np.array([0.20, 0.27, 0.28])
+SOFT_EDGE = np.radians(1.8)
 
 Picture = NDArray[np.float64]
 
@@ -57,11 +58,12 @@ def ridge(azimuth: NDArray[np.float64], *, height_degrees: float, phase: float) 
 
 
 def landscape(w: Picture, picture: Picture) -> Picture:
-    """The picture with two ranges of hills in the haze, and a ground that fades into them."""
+    """The picture with two ranges of hills in the haze, their edges as soft as a texel, and a ground beneath."""
     elevation = np.arcsin(w[..., 1])[..., None]
     azimuth = np.arctan2(w[..., 0], -w[..., 2])[..., None]
-    picture = np.where(elevation < ridge(azimuth, height_degrees=6.5, phase=0.4), FAR_HILLS, picture)
-    picture = np.where(elevation < ridge(azimuth, height_degrees=3.0, phase=2.1), NEAR_HILLS, picture)
+    for color, height_degrees, phase in ((FAR_HILLS, 6.5, 0.4), (NEAR_HILLS, 3.0, 2.1)):
+        inside = (ridge(azimuth, height_degrees=height_degrees, phase=phase) - elevation) / SOFT_EDGE + 0.5
+        picture = picture + (color - picture) * np.clip(inside, 0.0, 1.0)
     fade = np.exp(np.clip(elevation, None, 0.0) / np.radians(5.0))
     return np.where(elevation < 0.0, GROUND + (NEAR_HILLS - GROUND) * fade, picture)
 

@@ -4,6 +4,7 @@ alone would reach on them."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import warp as wp
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 import warpmis.kernels.path as path_module
 from warpmis.device.upload import upload
 from warpmis.device.views import CameraView, SceneView
-from warpmis.features import detect
+from warpmis.features import Features, detect
 from warpmis.kernels import rng
 from warpmis.kernels.camera import camera_ray_direction
 from warpmis.kernels.intersect import Hit, closest_hit, make_intersect
@@ -46,7 +47,7 @@ def recorded_closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
     return closest_hit(scene, origin, wi)
 
 
-def recording_intersect(features):
+def recording_intersect(features: Features) -> SimpleNamespace:
     plain = make_intersect(features)
     transmittance_of = plain.transmittance
 
@@ -61,12 +62,29 @@ def recording_intersect(features):
 
 def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Rays:
     """The rays of next-event estimation, pixel after pixel, one thread."""
-    features = detect(scene)
+    uploaded = upload(scene, "cpu")
+    view = uploaded.view
+    view.dome.columns = capacity
+    view.dome.marginal = wp.zeros(1, dtype=float, device="cpu")
+    view.dome.picture = wp.zeros((capacity, 2), dtype=wp.vec3, device="cpu")
+    view.dome.conditional = wp.zeros((capacity, 1), dtype=float, device="cpu")
+    # Warp looks the names up when it compiles, so the recording functions must stand in until the kernel has run.
     path_module.closest_hit, path_module.make_intersect = recorded_closest_hit, recording_intersect
     try:
-        path = make_path(features)
+        pixels = uploaded.camera.width * uploaded.camera.height
+        run = recording_kernel(detect(scene))
+        wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
     finally:
         path_module.closest_hit, path_module.make_intersect = closest_hit, make_intersect
+    count = int(view.dome.marginal.numpy()[0])
+    if count > capacity:
+        raise SystemExit(f"{count} rays do not fit into {capacity}; record fewer pixels or samples")
+    rays = view.dome.picture.numpy()[:count]
+    return Rays(rays[:, 0].copy(), rays[:, 1].copy(), view.dome.conditional.numpy()[:count, 0].copy())
+
+
+def recording_kernel(features: Features) -> wp.Kernel:
+    path = make_path(features)
     Li = path.Li
     vec_s = path.strategies.vec_s
 
@@ -80,19 +98,7 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
             u = rng.uniform4(key, rng.CAMERA)
             Li(scene, camera.position, camera_ray_direction(camera, pixel, u[0], u[1]), key, vec_s(), max_depth)
 
-    uploaded = upload(scene, "cpu")
-    view = uploaded.view
-    view.dome.columns = capacity
-    view.dome.marginal = wp.zeros(1, dtype=float, device="cpu")
-    view.dome.picture = wp.zeros((capacity, 2), dtype=wp.vec3, device="cpu")
-    view.dome.conditional = wp.zeros((capacity, 1), dtype=float, device="cpu")
-    pixels = uploaded.camera.width * uploaded.camera.height
-    wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
-    count = int(view.dome.marginal.numpy()[0])
-    if count > capacity:
-        raise SystemExit(f"{count} rays do not fit into {capacity}; record fewer pixels or samples")
-    rays = view.dome.picture.numpy()[:count]
-    return Rays(rays[:, 0].copy(), rays[:, 1].copy(), view.dome.conditional.numpy()[:count, 0].copy())
+    return run
 
 
 @wp.kernel(enable_backward=False)

@@ -88,7 +88,7 @@ def sensor(camera: Camera, *, spp: int, width: int, height: int, seed: int) -> d
     to_world[:3, 3] = camera.position
     return {
         "type": "perspective",
-        "to_world": mi.ScalarTransform4f(to_world),
+        "to_world": mi.ScalarTransform4f(to_world.tolist()),
         "fov_axis": "x",
         "fov": float(np.degrees(2.0 * np.arctan(0.5 * (right - left)))),
         "principal_point_offset_x": 0.5 * (left + right) / (right - left),
@@ -186,7 +186,7 @@ def light_shape(item: RectLight | DiskLight | SphereLight | CylinderLight) -> di
     to_world[:3, 0], to_world[:3, 1], to_world[:3, 2] = v, u, normal / np.linalg.norm(normal)
     to_world[:3, 3] = item.center
     kind = "disk" if isinstance(item, DiskLight) else "rectangle"
-    return {"type": kind, "to_world": mi.ScalarTransform4f(to_world)}
+    return {"type": kind, "to_world": mi.ScalarTransform4f(to_world.tolist())}
 
 
 def dome(item: DomeLight) -> dict[str, Any]:
@@ -199,7 +199,7 @@ def dome(item: DomeLight) -> dict[str, Any]:
     return {
         "type": "envmap",
         "bitmap": mi.Bitmap(picture),
-        "to_world": mi.ScalarTransform4f(to_world),
+        "to_world": mi.ScalarTransform4f(to_world.tolist()),
     }
 
 

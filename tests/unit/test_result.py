@@ -52,5 +52,5 @@ def test_written_header(tmp_path: Path) -> None:
     _, header = read_exr(tmp_path / "a.exr")
     assert header == {
         "version": warpmis.__version__, "stage": "box.usda", "spp": 64, "method": "murray20",
-        "strategies": "bsdf,light", "max_depth": 8, "seed": 3, "device": "cpu", "learn.rounds": 8,
+        "strategies": "bsdf,light", "max_depth": 8, "seed": 3, "device": "cpu", "learn.rounds": 2, "learn.spp": 16,
     }  # fmt: skip

@@ -181,7 +181,7 @@ def make_path(features: Features) -> SimpleNamespace:
                     weight = float(1.0)
                     if arrival == WEIGHTED:
                         light = scene.lights[triangle.light]
-                        pdf_light = pdf_mesh(light, hit.ng, wi, far) * lights.choice_probability(light, r)
+                        pdf_light = pdf_mesh(light, hit.ng, wi, far) * lights.choice_probability(scene, light, r)
                         weight = balance_weight(pdf_bsdf, pdf_light)
                     emission += material.emission * weight
             L += wp.cw_mul(beta, emission)

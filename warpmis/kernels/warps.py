@@ -9,6 +9,15 @@ INV_PI = wp.constant(0.318309886183791)
 
 
 @wp.func
+def sin_cos_eighth(x: float) -> wp.vec2:
+    """(sin x, cos x) for |x| <= pi / 4 by their Taylor polynomials, to within 2e-7: several times faster on the CPU."""
+    x2 = x * x
+    sin_x = x * (1.0 + x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 - x2 * (1.0 / 5040.0 - x2 / 362880.0))))
+    cos_x = 1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 - x2 * (1.0 / 720.0 - x2 / 40320.0)))
+    return wp.vec2(sin_x, cos_x)
+
+
+@wp.func
 def square_to_disk(u: float, v: float) -> wp.vec2:
     """Uniform on the unit disk, keeping neighbours together.
 
@@ -18,12 +27,11 @@ def square_to_disk(u: float, v: float) -> wp.vec2:
     y = 2.0 * v - 1.0
     if x == 0.0 and y == 0.0:
         return wp.vec2(0.0, 0.0)
-    r = x
-    phi = 0.25 * PI * (y / wp.where(x == 0.0, 1.0, x))
-    if wp.abs(x) <= wp.abs(y):
-        r = y
-        phi = 0.5 * PI - 0.25 * PI * (x / y)
-    return wp.vec2(r * wp.cos(phi), r * wp.sin(phi))
+    if wp.abs(x) > wp.abs(y):
+        turn = sin_cos_eighth(0.25 * PI * (y / x))
+        return wp.vec2(x * turn[1], x * turn[0])
+    turn = sin_cos_eighth(0.25 * PI * (x / y))
+    return wp.vec2(y * turn[0], y * turn[1])
 
 
 @wp.func

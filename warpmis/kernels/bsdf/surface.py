@@ -108,10 +108,10 @@ def make_surface(features: Features) -> SimpleNamespace:
         e.f_cos = s.diffuse * (INV_PI * wi[2])
         e.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
         if wp.static(features.specular):
-            h = wp.normalize(s.wo + wi)
             if s.alpha > 0.0:
                 e.f_cos = wp.cw_mul(e.f_cos, ONE - schlick(s.specular_f0, wi[2]))
                 if s.p_specular > 0.0:
+                    h = wp.normalize(s.wo + wi)
                     pdf = pdf_reflected(s.wo, h, s.alpha)
                     e.f_cos += schlick(s.specular_f0, wp.dot(s.wo, h)) * (pdf * smith_g1(wi, s.alpha))
                     e.pdf_solid_angle += s.p_specular * pdf
@@ -119,6 +119,7 @@ def make_surface(features: Features) -> SimpleNamespace:
                 if s.coat > 0.0:
                     e.f_cos = e.f_cos * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
                     if s.p_coat > 0.0:
+                        h = wp.normalize(s.wo + wi)
                         pdf = pdf_reflected(s.wo, h, s.coat_alpha)
                         fresnel = s.coat * schlick_scalar(s.coat_f0, wp.dot(s.wo, h))
                         e.f_cos += ONE * (fresnel * pdf * smith_g1(wi, s.coat_alpha))

@@ -10,18 +10,17 @@ from warpmis.kernels.light.records import LightHit, LightSample
 
 wp.set_module_options({"enable_backward": False})
 
-# The solid angle is a difference of angles and so carries an error of some 1e-7, and the sampling divides by such
-# differences: beyond these bounds it loses digits. There both the sampler and the density take the area.
+# The sampling takes differences that lose digits for a small rectangle, and in a grazing view: below this solid angle,
+# or with the rectangle's plane closer than this share of its farthest corner's distance, the area is sampled instead.
 MIN_SOLID_ANGLE = wp.constant(0.01)
-MAX_SOLID_ANGLE = wp.constant(6.1)
+MIN_HEIGHT_SHARE = wp.constant(0.1)
 
 
 @wp.struct
 class SphericalRect:
     """The rectangle in a frame at the shading point, x and y along its edges, z away from it (z0 < 0).
 
-    gamma0, gamma1: angles between the rectangle's plane and the planes through x and its edges at y0 and y1; strip0:
-    solid angle, signed, of the strip from 0 to x0.
+    strip0: solid angle, signed, of the strip from 0 to x0; solid_angle is 0 where float32 does not bear sampling it.
     """
 
     ex: wp.vec3
@@ -32,16 +31,21 @@ class SphericalRect:
     y0: float
     y1: float
     z0: float
-    gamma0: float
-    gamma1: float
     strip0: float
     solid_angle: float
 
 
 @wp.func
-def corner_angle(x: float, y: float, z: float) -> float:
-    """Solid angle, signed, of the rectangle from (0, 0) to (x, y) at height z: atan(x y / (|z| |(x, y, z)|))."""
-    return wp.atan2(x * y, wp.abs(z) * wp.sqrt(x * x + y * y + z * z))
+def strip_angle(x: float, y0: float, y1: float, z: float) -> float:
+    """Solid angle, signed, of the rectangle from (0, y0) to (x, y1) at height z.
+
+    The corner (x, y) subtends atan(x y / (|z| |(x, y, z)|)) with the axes; this is the difference of two such angles,
+    each below pi / 2, as the argument of a quotient of complex numbers.
+    """
+    zz = x * x + z * z
+    r0 = wp.sqrt(zz + y0 * y0)
+    r1 = wp.sqrt(zz + y1 * y1)
+    return wp.atan2(x * wp.abs(z) * (y1 * r0 - y0 * r1), z * z * r0 * r1 + x * x * y0 * y1)
 
 
 @wp.func
@@ -59,39 +63,37 @@ def spherical_rect(light: LightView, x: wp.vec3) -> SphericalRect:
         r.ez = -r.ez
     cx = wp.dot(d, r.ex)
     cy = wp.dot(d, r.ey)
+    far_x = wp.abs(cx) + half_x
+    far_y = wp.abs(cy) + half_y
+    if r.z0 * r.z0 < MIN_HEIGHT_SHARE * MIN_HEIGHT_SHARE * (far_x * far_x + far_y * far_y):
+        return r
     r.x0 = cx - half_x
     r.x1 = cx + half_x
     r.y0 = cy - half_y
     r.y1 = cy + half_y
-    r.gamma0 = wp.atan2(-r.z0, r.y0)
-    r.gamma1 = wp.atan2(-r.z0, r.y1)
-    r.strip0 = corner_angle(r.x0, r.y1, r.z0) - corner_angle(r.x0, r.y0, r.z0)
-    r.solid_angle = corner_angle(r.x1, r.y1, r.z0) - corner_angle(r.x1, r.y0, r.z0) - r.strip0
+    r.strip0 = strip_angle(r.x0, r.y0, r.y1, r.z0)
+    r.solid_angle = strip_angle(r.x1, r.y0, r.y1, r.z0) - r.strip0
+    if r.solid_angle < MIN_SOLID_ANGLE:
+        r.solid_angle = 0.0
     return r
 
 
 @wp.func
 def sample_spherical_rect(r: SphericalRect, u: float, v: float) -> wp.vec3:
     """Direction (not normalised) from the shading point to a point uniform in solid angle."""
-    # The strip from 0 to xu has the solid angle a: (z / xu)^2 = (fu^2 + b0^2 - 1) of the paper's equations, factored
-    # so that nothing cancels close to the rectangle's plane, where z / xu is small.
+    # The strip from 0 to xu has the solid angle a: the paper's fu^2 + b0^2 - 1 = (z0 / xu)^2, with a = au - pi.
     a = u * r.solid_angle + r.strip0
-    total = r.gamma0 + r.gamma1
-    apart = r.gamma0 - r.gamma1
-    below = wp.sin(0.5 * (total - a)) * wp.sin(0.5 * (total + a))
-    below = below * wp.sin(0.5 * (apart - a)) * wp.sin(0.5 * (apart + a))
-    xu = wp.clamp(-0.5 * r.z0 * wp.sin(a) / wp.sqrt(wp.max(below, 1.0e-30)), r.x0, r.x1)
-    d = wp.sqrt(xu * xu + r.z0 * r.z0)
-    h0 = r.y0 / wp.sqrt(d * d + r.y0 * r.y0)
-    h1 = r.y1 / wp.sqrt(d * d + r.y1 * r.y1)
+    sin_a = wp.sin(a)
+    b0 = -r.y0 / wp.sqrt(r.z0 * r.z0 + r.y0 * r.y0)
+    b1 = r.y1 / wp.sqrt(r.z0 * r.z0 + r.y1 * r.y1)
+    slope2 = b0 * b0 + b1 * b1 + 2.0 * b0 * b1 * wp.cos(a) - sin_a * sin_a
+    xu = wp.clamp(-r.z0 * sin_a / wp.sqrt(wp.max(slope2, 1.0e-30)), r.x0, r.x1)
+    d2 = xu * xu + r.z0 * r.z0
+    h0 = r.y0 / wp.sqrt(d2 + r.y0 * r.y0)
+    h1 = r.y1 / wp.sqrt(d2 + r.y1 * r.y1)
     hv = h0 + v * (h1 - h0)
-    yv = wp.clamp(hv * d / wp.sqrt(wp.max(1.0 - hv * hv, 1.0e-12)), r.y0, r.y1)
+    yv = wp.clamp(hv * wp.sqrt(d2 / wp.max(1.0 - hv * hv, 1.0e-12)), r.y0, r.y1)
     return r.ex * xu + r.ey * yv + r.ez * r.z0
-
-
-@wp.func
-def solid_angle_is_safe(solid_angle: float) -> bool:
-    return solid_angle > MIN_SOLID_ANGLE and solid_angle < MAX_SOLID_ANGLE
 
 
 @wp.func
@@ -103,7 +105,7 @@ def sample_rect(light: LightView, x: wp.vec3, u: float, v: float) -> LightSample
     to_light = wp.vec3(0.0, 0.0, 0.0)
     if light.solid_angle_sampling != 0:
         r = spherical_rect(light, x)
-        if solid_angle_is_safe(r.solid_angle):
+        if r.solid_angle > 0.0:
             use_solid_angle = True
             to_light = sample_spherical_rect(r, u, v)
             s.pdf_solid_angle = 1.0 / r.solid_angle
@@ -142,6 +144,6 @@ def hit_rect(light: LightView, x: wp.vec3, wi: wp.vec3) -> LightHit:
     hit.pdf_solid_angle = t * t / (cos_light * light.area)
     if light.solid_angle_sampling != 0:
         r = spherical_rect(light, x)
-        if solid_angle_is_safe(r.solid_angle):
+        if r.solid_angle > 0.0:
             hit.pdf_solid_angle = 1.0 / r.solid_angle
     return hit

@@ -34,7 +34,7 @@ SHADOW_END = wp.constant(0.9999)
 class Receiver:
     """The point that asks for light, with what normalises the choice among the lights seen from it.
 
-    total is the sum of all lights' importances; 0 where no light can be seen.
+    total is the sum of all lights' importances; 0 where no light can be seen. A single light needs no choice.
     """
 
     x: wp.vec3
@@ -65,12 +65,17 @@ def make_lights(features: Features) -> SimpleNamespace:
         r = Receiver()
         r.x = x
         r.n = n
+        if scene.light_count == 1:
+            r.total = 1.0
+            return r
         for i in range(scene.light_count):
             r.total += light_importance(scene.lights[i], x, n)
         return r
 
     @wp.func
-    def choice_probability(light: LightView, r: Receiver) -> float:
+    def choice_probability(scene: SceneView, light: LightView, r: Receiver) -> float:
+        if scene.light_count == 1:
+            return 1.0
         if r.total <= 0.0:
             return 0.0
         return light_importance(light, r.x, r.n) / r.total
@@ -108,6 +113,8 @@ def make_lights(features: Features) -> SimpleNamespace:
     @wp.func
     def sample(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
         """Choose a light by importance with u[0], then a direction towards it; the density holds both choices."""
+        if scene.light_count == 1:
+            return sample_light(scene, scene.lights[0], r, u)
         target = u[0] * r.total
         chosen = int(-1)
         importance = float(0.0)
@@ -162,7 +169,7 @@ def make_lights(features: Features) -> SimpleNamespace:
             light = scene.lights[scene.triangles[triangle].light]
             h = hit_emitter_triangle(scene, light, triangle, r.x, wi)
             if h.distance > 0.0:
-                pdf += h.pdf_solid_angle * choice_probability(light, r)
+                pdf += h.pdf_solid_angle * choice_probability(scene, light, r)
         return pdf
 
     @wp.func
@@ -188,7 +195,7 @@ def make_lights(features: Features) -> SimpleNamespace:
                     h.distance = INFINITE_DISTANCE
                     h.pdf_solid_angle = pdf_dome_constant(r.n, wi)
             if h.distance > 0.0:
-                of_light = h.pdf_solid_angle * choice_probability(light, r)
+                of_light = h.pdf_solid_angle * choice_probability(scene, light, r)
                 ray.pdf_solid_angle += of_light
                 # A light flush with a surface shines: hence the tolerance, the same as the shadow ray's.
                 if h.distance * SHADOW_END <= far and h.distance * SHADOW_END > near:
