@@ -59,9 +59,7 @@ def camera(position, target, half_width: float = 0.5) -> Camera:
     return Camera("/camera", position, side, np.cross(side, forward), forward, window)
 
 
-def scene(
-    geometry: Geometry, materials: list[Material], lights: list[Light], view: Camera, pixels: int = 16
-) -> Scene:
+def scene(geometry: Geometry, materials: list[Material], lights: list[Light], view: Camera, pixels: int = 16) -> Scene:
     prims = tuple(Prim(material.path) for material in materials)
     return Scene("test", view, (pixels, pixels), geometry, tuple(materials), prims, tuple(lights))
 

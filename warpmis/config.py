@@ -158,6 +158,8 @@ class RenderConfig:
                 f"allocation must have shape ({count},) or (H, W, {count}), a share for each of "
                 f"{', '.join(self.strategies)}, got shape {shares.shape}"
             )
+        if shares[..., self.strategies.index("bsdf")].min() <= 0.0:
+            raise ConfigError("a BSDF share of 0 finds no indirect light: give bsdf a part of every pixel's samples")
         return shares
 
     def _check_learning(self) -> None:
@@ -199,11 +201,9 @@ def _checked_strategies(strategies: Sequence[str], method: str) -> tuple[str, ..
         raise ConfigError(f"name at least one strategy; choose from {', '.join(STRATEGIES)}")
     if len(set(names)) < len(names):
         raise ConfigError(f"strategies must differ, got {', '.join(names)}; name each once")
-    if method != "bsdf":
-        return names
     if "bsdf" not in names:
-        raise ConfigError(f"method 'bsdf' samples the BSDF alone; drop the strategies ({', '.join(names)})")
-    return ("bsdf",)
+        raise ConfigError(f"strategies {', '.join(names)} find no indirect light: add bsdf, which reaches every path")
+    return ("bsdf",) if method == "bsdf" else names
 
 
 def _checked_shares(name: str, shares: object) -> NDArray[np.float32]:

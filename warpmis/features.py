@@ -60,7 +60,7 @@ def is_smooth(roughness: float) -> bool:
 
 
 def is_emissive(material: Material) -> bool:
-    return max(material.emissive_color) > 0.0
+    return max(material.emission) > 0.0
 
 
 def is_delta(light: object) -> bool:

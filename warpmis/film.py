@@ -17,13 +17,16 @@ class Film:
 
     Attributes:
         count, rejected: samples taken in, and left out for not being finite, shape (H, W) int64.
+        hits: samples whose path met a surface, shape (H, W) int64.
         color, albedo, normal: sums, shape (H, W, 3).
         luminance_mean, luminance_m2: mean and sum of squared deviations of the luminance, shape (H, W).
-        depth: sum over the samples that hit [scene units], alpha: number of samples that hit, shape (H, W).
+        depth: sum over the samples that met a surface [scene units], alpha: number of samples that met a surface or a
+            visible light, shape (H, W).
     """
 
     count: NDArray[np.int64]
     rejected: NDArray[np.int64]
+    hits: NDArray[np.int64]
     color: Float64Array
     luminance_mean: Float64Array
     luminance_m2: Float64Array
@@ -40,6 +43,7 @@ class Film:
         return Film(
             count=self.count + other.count,
             rejected=self.rejected + other.rejected,
+            hits=self.hits + other.hits,
             color=self.color + other.color,
             luminance_mean=self.luminance_mean + apart * m / total,
             luminance_m2=self.luminance_m2 + other.luminance_m2 + apart**2 * n * m / total,
@@ -62,12 +66,12 @@ class Film:
         return self._mean(self.albedo, self.count)
 
     def mean_normal(self) -> NDArray[np.float32]:
-        """World normal averaged over the samples that hit, shape (H, W, 3)."""
-        return self._mean(self.normal, self.alpha)
+        """World normal averaged over the samples that met a surface, shape (H, W, 3)."""
+        return self._mean(self.normal, self.hits)
 
     def mean_depth(self) -> NDArray[np.float32]:
-        """Distance along the viewing axis, averaged over the samples that hit, shape (H, W); 0 where none did."""
-        return self._mean(self.depth, self.alpha)
+        """Distance along the viewing axis, over the samples that met a surface, shape (H, W); 0 where none did."""
+        return self._mean(self.depth, self.hits)
 
     def coverage(self) -> NDArray[np.float32]:
         """Share of the samples that hit a surface or a visible light, shape (H, W)."""

@@ -44,6 +44,11 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
     return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
 
 
+def available_cpus() -> int:
+    """CPUs that this process may use, where the system tells them from all that there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class Integrator:
     """One render in progress on one device."""
 
@@ -60,7 +65,7 @@ class Integrator:
         self.solver = make_newton(self.count) if config.method in LEARNING_METHODS else None
         for kernel in filter(None, (self.kernel, self.solver)):
             wp.load_module(kernel.module, device=config.device)
-        self.threads = 1 if wp.get_device(config.device).is_cuda else config.threads or len(os.sched_getaffinity(0))
+        self.threads = 1 if wp.get_device(config.device).is_cuda else config.threads or available_cpus()
         self._allocate()
 
     def _allocate(self) -> None:

@@ -79,9 +79,7 @@ def load(
 ) -> Scene:
     from warpmis.usd import load_stage  # here, so that a Scene can be rendered without pxr
 
-    return load_stage(
-        stage, camera=camera, purposes=purposes, render_settings=render_settings, time=time, width=width
-    )
+    return load_stage(stage, camera=camera, purposes=purposes, render_settings=render_settings, time=time, width=width)
 
 
 def resized(scene: Scene, width: int | None) -> Scene:

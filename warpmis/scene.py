@@ -74,6 +74,13 @@ class Material:
     ior: float = 1.5
     lambertian: bool = False
 
+    @property
+    def emission(self) -> Color:
+        """Emitted radiance [nit]: where opacity means presence, what is not there does not shine either."""
+        share = self.opacity if self.opacity_mode == "presence" else 1.0
+        red, green, blue = self.emissive_color
+        return (share * red, share * green, share * blue)
+
 
 @dataclass(frozen=True, eq=False)
 class RectLight:

@@ -23,8 +23,9 @@ from warpmis.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Rays in the order in which they were traced: origins, unit directions, shape (n, 3); lengths, shape (n,), INFINITE
-    for rays that seek the closest surface, and finite for shadow rays."""
+    """Rays in the order in which they were traced: origins, unit directions, shape (n, 3); lengths, shape (n,), 1e30
+    for rays that seek the closest surface, and the light's distance for shadow rays (below 1e29: no lights at
+    infinity)."""
 
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]

@@ -5,7 +5,8 @@
 threads    samples per second with two threads over one
 roofline   the trace kernel's rays per second over a bare kernel's on the same rays, one thread each
 learning   time of moments, solver and launches over the whole run's, on identical paths
-start      seconds from the command to a written picture, 128 pixels wide, without and with a kernel cache
+start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
+           kernel cache
 
 Each figure is the median of interleaved repetitions, with the smallest and the largest beside it.
 """
@@ -48,10 +49,15 @@ def interleaved(first: Callable[[], float], second: Callable[[], float], repeats
     return [first() / second() for _ in range(repeats)]
 
 
-def seconds(work: Callable[[], object]) -> float:
-    start = time.perf_counter()
+def seconds(work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
+    start = clock()
     work()
-    return time.perf_counter() - start
+    return clock() - start
+
+
+def cpu_seconds(work: Callable[[], object]) -> float:
+    """For work of one thread: not disturbed by what else runs on the machine."""
+    return seconds(work, time.process_time)
 
 
 def integrator(scene: warpmis.Scene, config: RenderConfig) -> Integrator:
@@ -83,11 +89,11 @@ def roofline(scene: warpmis.Scene, repeats: int) -> Figure:
 
     def bare() -> float:
         inputs = [uploaded.view.mesh, *columns, hits]
-        return seconds(lambda: wp.launch(bare_queries, dim=len(hits), inputs=inputs)) / len(rays.lengths)
+        return cpu_seconds(lambda: wp.launch(bare_queries, dim=len(hits), inputs=inputs)) / len(rays.lengths)
 
     def traced() -> float:
         before = run.rays()
-        spent = seconds(lambda: run.trace(Round(0, samples, learn=False), lambda done: None))
+        spent = cpu_seconds(lambda: run.trace(Round(0, samples, learn=False), lambda done: None))
         return spent / (run.rays() - before)
 
     return figure(interleaved(bare, traced, repeats))
@@ -110,13 +116,14 @@ def learning(scene: warpmis.Scene, repeats: int) -> Figure:
     def without() -> None:
         run.trace(Round(0, 2 * rounds * spp, learn=False), lambda samples: None)
 
-    shares = interleaved(lambda: seconds(with_learning), lambda: seconds(without), repeats)
+    shares = interleaved(lambda: cpu_seconds(with_learning), lambda: cpu_seconds(without), repeats)
     return figure([1.0 - 1.0 / share for share in shares])
 
 
 def start(stage: Path) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "warpmis", "render", str(stage), f"{folder}/out.exr", "-w", "128", "--quiet"]
+        command = [sys.executable, "-m", "warpmis", "render", str(stage), f"{folder}/out.exr", "-w", "128"]
+        command += ["--spp", "64", "--quiet"]
         environment = {**os.environ, "WARP_CACHE_PATH": f"{folder}/cache"}
 
         def run() -> float:

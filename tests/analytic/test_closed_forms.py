@@ -77,7 +77,7 @@ def DomeLight "Sky" {
 @pytest.mark.parametrize("angle", [0.0, 0.53, 20.0])
 @pytest.mark.parametrize("method", ["nee", "balance"])
 def test_normalized_distant_light_gives_its_intensity_as_irradiance(method: str, angle: float) -> None:
-    """For an angle that is not small the normalisation is by pi sin^2(angle / 2): exactly the irradiance of the cone."""
+    """The normalisation is by pi sin^2(angle / 2), which is the irradiance of the cone at any angle."""
     light = f"""def DistantLight "Sun" {{
         float inputs:intensity = 3
         bool inputs:normalize = 1

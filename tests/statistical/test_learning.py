@@ -10,11 +10,12 @@ import scenes
 
 import warpmis
 
-SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")
 FIXED = tuple(round(0.1 * tenth, 1) for tenth in range(1, 10))
 ROUNDS = 8
-LEARN_SPP = 1024
-SPP = 2048
+# Samples per pixel of a learn round, and of the measurement of variance. Behind the door the variance is that of long
+# paths whoever draws the first direction: nearly equal for shares of the BSDF from 0.6 on, it takes more to compare.
+LEARN_SPP = {"cornell_box": 1024, "ajar_door": 256, "veach_plates": 1024, "open_terrace": 1024}
+SPP = {"cornell_box": 2048, "ajar_door": 6144, "veach_plates": 2048, "open_terrace": 2048}
 WIDTH = 32
 
 
@@ -26,34 +27,34 @@ def relative_variance(result: warpmis.RenderResult, mean: np.ndarray) -> float:
     """Variance of one sample over the squared mean, averaged over the pixels: relMSE, so that no bright pixel decides.
 
     The worst 2 % of each picture's pixels are left out, as relMSE leaves out outliers: there one caustic path in
-    thousands makes the variance, and its estimate from SPP samples says whether that path was met, not more.
+    thousands makes the variance, and its estimate says whether that path was met, not more.
     """
     relative = np.sort((result.variance / np.square(mean))[mean > 0.0])
     return float(relative[: int(0.98 * len(relative))].mean())
 
 
-def learned_map(scene: warpmis.Scene, start: float) -> np.ndarray:
+def learned_map(scene: warpmis.Scene, spp: int, start: float) -> np.ndarray:
     """The allocation after ROUNDS rounds, shape (H, W, 2)."""
     return warpmis.render(
         scene,
         method="murray20",
-        spp=ROUNDS * LEARN_SPP,
-        learn_spp=LEARN_SPP,
+        spp=ROUNDS * spp,
+        learn_spp=spp,
         learn_rounds=ROUNDS,
         initial_allocation=(start, 1.0 - start),
         seed=2,
     ).allocation
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", SPP)
 def test_learned_map(name: str) -> None:
     """Variance at most 1.05 times that of the best fixed allocation, and the same map from 0.1, 0.5 and 0.9."""
     scene = load(name)
-    maps = {start: learned_map(scene, start) for start in (0.1, 0.5, 0.9)}
+    maps = {start: learned_map(scene, LEARN_SPP[name], start) for start in (0.1, 0.5, 0.9)}
 
     def variance_of(allocation: np.ndarray | tuple[float, float]) -> warpmis.RenderResult:
         """By the same random numbers for all allocations, so that equal allocations have equal variance."""
-        return warpmis.render(scene, method="fixed", allocation=allocation, spp=SPP, seed=1)
+        return warpmis.render(scene, method="fixed", allocation=allocation, spp=SPP[name], seed=1)
 
     fixed = [variance_of((a, 1.0 - a)) for a in FIXED]
     mean = np.mean([result.image for result in fixed], axis=0) @ np.array([0.2126, 0.7152, 0.0722])
@@ -64,7 +65,9 @@ def test_learned_map(name: str) -> None:
     reached = np.any([allocation[..., 0] != np.float32(start) for start, allocation in maps.items()], axis=0)
     blocks = [block_means(allocation[..., 0], reached) for allocation in maps.values()]
     apart = max(np.abs(a - b).max() for a, b in combinations(blocks, 2))
-    print(f"{name}: variance / best fixed {ratios}, blocks apart by {apart:.3f}, {reached.mean():.0%} of pixels reached")
+    print(
+        f"{name}: variance / best fixed {ratios}, blocks apart by {apart:.3f}, {reached.mean():.0%} of pixels reached"
+    )
     assert max(ratios.values()) <= 1.05
     assert apart <= 0.05
     assert reached.mean() > 0.7

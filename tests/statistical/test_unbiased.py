@@ -31,9 +31,9 @@ METHODS = {
 # sampling alone, and between that and the others. BSDF sampling finds a small lamp by chance alone, hence the second.
 POWER = {
     "cornell_box": (0.02, 0.02),
-    "ajar_door": (0.3, 0.3),
-    "veach_plates": (0.03, 0.15),
-    "open_terrace": (0.03, 0.15),
+    "ajar_door": (0.15, 0.15),
+    "veach_plates": (0.06, 0.1),
+    "open_terrace": (0.15, 0.4),
     "hidden_light": (0.05, 0.05),
 }
 SIGNIFICANCE = 0.01
@@ -79,4 +79,4 @@ def test_methods_agree(name: str) -> None:
     assert not disagreements, f"{name}: {disagreements}"
     smallest = tuple(max(caught[with_bsdf]) / mean for with_bsdf in (False, True))
     print(f"{name}: a bias of {smallest[0]:.2%} would be caught, of BSDF sampling alone {smallest[1]:.2%}")
-    assert smallest < POWER[name] and smallest[1] < POWER[name][1], f"{name}: too weak a test"
+    assert smallest[0] < POWER[name][0] and smallest[1] < POWER[name][1], f"{name}: too weak a test"

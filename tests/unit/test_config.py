@@ -34,7 +34,7 @@ def fixed(allocation: Any, **settings: Any) -> RenderConfig:
         ({"strategies": ()}, "name at least one strategy"),
         ({"strategies": "bsdf"}, "must be a tuple of names"),
         ({"strategies": ("bsdf",)}, "name two, such as bsdf,light"),
-        ({"method": "bsdf", "strategies": ("light",)}, "drop the strategies"),
+        ({"method": "bsdf", "strategies": ("light",)}, "add bsdf, which reaches every path"),
         ({"allocation": (0.5, 0.5)}, "drop the allocation, or take method 'fixed'"),
         ({"method": "fixed"}, "method 'fixed' needs an allocation: one share for each of bsdf, light"),
     ],

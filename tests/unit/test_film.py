@@ -17,6 +17,7 @@ def film_of(samples: np.ndarray) -> Film:
     return Film(
         count=np.array([[n]]),
         rejected=np.array([[0]]),
+        hits=np.array([[n]]),
         color=grey,
         luminance_mean=one * mean,
         luminance_m2=one * ((samples - mean) ** 2).sum(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def test_progress_ends_at_the_total() -> None:
     warpmis.render(scenes.room(), progress=reports.append, **SETTINGS)
     phases = [report.phase for report in reports]
     assert list(dict.fromkeys(phases)) == ["load", "compile", "learn", "render"]
-    assert all(a.done <= b.done for a, b in zip(reports, reports[1:], strict=False))
+    assert all(a.done <= b.done for a, b in itertools.pairwise(reports))
     assert reports[-1].total == 16 * 16 * 48
 
 

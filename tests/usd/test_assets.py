@@ -11,11 +11,11 @@ from usd.stages import check_invariants
 from warpmis.errors import StageError
 from warpmis.usd import load_stage
 
-ASSETS = Path(os.environ.get("WARPMIS_ASSETS", Path(__file__).parents[3] / "shared" / "assets"))
+ASSETS = Path(os.environ.get("WARPMIS_ASSETS", "not set"))
 FILES = sorted(path for path in ASSETS.rglob("*.usd*") if path.is_file()) if ASSETS.is_dir() else []
 MALFORMED = {"framesPerSecond_-1.usda", "framesPerSecond_0.usda"}
 
-pytestmark = pytest.mark.skipif(not FILES, reason="no assets folder (set WARPMIS_ASSETS)")
+pytestmark = pytest.mark.skipif(not FILES, reason="WARPMIS_ASSETS names no folder of other people's stages")
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ASSETS)))

@@ -18,6 +18,7 @@ def allocate_film(pixels: int, device: str) -> FilmView:
     view.normal = wp.zeros(pixels, dtype=wp.vec3d, device=device)
     view.depth = wp.zeros(pixels, dtype=wp.float64, device=device)
     view.alpha = wp.zeros(pixels, dtype=wp.float64, device=device)
+    view.hits = wp.zeros(pixels, dtype=wp.int32, device=device)
     view.accepted = wp.zeros(pixels, dtype=wp.int32, device=device)
     view.rejected = wp.zeros(pixels, dtype=wp.int32, device=device)
     view.rays = wp.zeros(pixels, dtype=wp.int64, device=device)
@@ -30,6 +31,7 @@ def download_film(view: FilmView, width: int, height: int) -> Film:
     return Film(
         count=view.accepted.numpy().reshape(height, width).astype(np.int64),
         rejected=view.rejected.numpy().reshape(height, width).astype(np.int64),
+        hits=view.hits.numpy().reshape(height, width).astype(np.int64),
         color=view.color.numpy().reshape(height, width, 3),
         luminance_mean=luminance[:, 0].reshape(height, width),
         luminance_m2=luminance[:, 1].reshape(height, width),

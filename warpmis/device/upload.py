@@ -117,7 +117,7 @@ def material_view(material: Material, double_sided: int) -> MaterialView:
             diffuse = diffuse * (1.0 - material.metallic)
         view.coat = material.clearcoat
     view.has_specular = int(not material.lambertian)
-    view.diffuse, view.specular_f0, view.emission = tuple(diffuse), tuple(f0), tuple(material.emissive_color)
+    view.diffuse, view.specular_f0, view.emission = tuple(diffuse), tuple(f0), material.emission
     # Alpha 0 would divide by 0; below features.SMOOTH_ALPHA a lobe is a mirror whatever its alpha.
     view.alpha = max(material.roughness**2, 1e-6)
     view.coat_f0, view.coat_alpha = reflectance, max(material.clearcoat_roughness**2, 1e-6)

@@ -55,9 +55,9 @@ class LightView:
     """One light that a direction can hit. The vectors mean what the kind says:
 
     rect: center, u and v half edges, n the emitting normal; disk: the same with half axes; sphere: center, radius;
-    cylinder: center, u half axis, radius; distant: n towards the light, one_minus_cos of its half angle; dome: nothing (DomeView has it);
-    mesh: first and count into SceneView.emitter_*. All but distant and dome: bound is the radius of a sphere about
-    center that holds the light.
+    cylinder: center, u half axis, radius; distant: n towards the light, one_minus_cos of its half angle; dome: nothing
+    (DomeView has it); mesh: first and count into SceneView.emitter_*. All but distant and dome: bound is the radius of
+    a sphere about center that holds the light.
     """
 
     kind: int
@@ -142,7 +142,8 @@ class FilmView:
     """Sums over all samples of each pixel so far. A pixel is written by one thread alone.
 
     color, albedo, normal: sums of linear RGB and of world normals; luminance: (mean, sum of squared deviations) over
-    the accepted samples; depth: sum over the samples that hit; rejected: samples that were not finite.
+    the accepted samples; depth: sum over the samples that hit a surface, hits: how many these are; alpha: samples that
+    hit a surface or a visible light; rejected: samples that were not finite.
     """
 
     color: wp.array(dtype=wp.vec3d)
@@ -151,6 +152,7 @@ class FilmView:
     normal: wp.array(dtype=wp.vec3d)
     depth: wp.array(dtype=wp.float64)
     alpha: wp.array(dtype=wp.float64)
+    hits: wp.array(dtype=wp.int32)
     accepted: wp.array(dtype=wp.int32)
     rejected: wp.array(dtype=wp.int32)
     rays: wp.array(dtype=wp.int64)

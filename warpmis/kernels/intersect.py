@@ -12,8 +12,9 @@ from warpmis.kernels.light.distant import INFINITE_DISTANCE
 
 wp.set_module_options({"enable_backward": False})
 
-# A new ray starts this share of the triangle's largest coordinate off the surface: twice the smallest at which no ray met
-# its own triangle again (tests/unit/test_intersect.py). Larger ones shift the light: by 0.07 % at 4e-6, 100 units wide.
+# A new ray starts this share of the triangle's largest coordinate off the surface: twice the smallest at which no ray
+# met its own triangle again (tests/unit/test_intersect.py). Larger ones shift the light: a floor 100 units wide was
+# 0.07 % too bright at 4e-6.
 OFFSET = wp.constant(5.0e-7)
 
 # No ray is followed through more transparent surfaces than this.

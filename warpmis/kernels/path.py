@@ -48,7 +48,8 @@ def make_path(features: Features) -> SimpleNamespace:
     @wp.struct
     class PathSample:
         """One path. seen: light found before the mixture's vertex, and delta lights at it; mixed: the mixture's
-        estimate F = f / p_a, throughput up to its vertex included; q: p_s / p_a of its direction (0 where F is)."""
+        estimate F = f / p_a, throughput up to its vertex included; q: p_s / p_a of its direction (0 where F is);
+        hit: 1 where a surface was met, of which albedo, normal and distance tell; alpha: 1 also for a light in view."""
 
         seen: wp.vec3
         mixed: wp.vec3
@@ -57,6 +58,7 @@ def make_path(features: Features) -> SimpleNamespace:
         albedo: wp.vec3
         normal: wp.vec3
         distance: float
+        hit: int
         rays: int
 
     @wp.struct
@@ -196,7 +198,8 @@ def make_path(features: Features) -> SimpleNamespace:
                     start = hit.p - hit.ng * hit.offset
                     near = far
                     continue
-            if path.alpha == 0.0 and bounces == 0:
+            if path.hit == 0 and bounces == 0:
+                path.hit = 1
                 path.alpha = 1.0
                 path.albedo = material.diffuse + material.specular_f0
                 path.normal = frame.n

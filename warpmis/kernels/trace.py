@@ -66,6 +66,7 @@ def make_trace(features: Features) -> wp.Kernel:
         normal = wp.vec3d()
         depth = wp.float64(0.0)
         alpha = wp.float64(0.0)
+        hits = int(0)
         rays = wp.int64(0)
         rejected = int(0)
         sums = vec_k()
@@ -86,6 +87,7 @@ def make_trace(features: Features) -> wp.Kernel:
             normal += wp.vec3d(sample.normal)
             depth += wp.float64(sample.distance * wp.dot(direction, camera.forward))
             alpha += wp.float64(sample.alpha)
+            hits += sample.hit
             if wp.static(count > 0):
                 if learn != 0:
                     sums = moments.add(sums, sample.mixed, sample.q)
@@ -95,6 +97,7 @@ def make_trace(features: Features) -> wp.Kernel:
         film.albedo[pixel] = film.albedo[pixel] + albedo
         film.normal[pixel] = film.normal[pixel] + normal
         film.depth[pixel] = film.depth[pixel] + depth
+        film.hits[pixel] = film.hits[pixel] + hits
         film.alpha[pixel] = film.alpha[pixel] + alpha
         film.accepted[pixel] = accepted + samples - rejected
         film.rejected[pixel] = film.rejected[pixel] + rejected

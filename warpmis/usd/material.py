@@ -133,7 +133,8 @@ def _read_material(material: Any, reading: Reading) -> Material | None:
     threshold = float(_number(path, shader, "opacityThreshold", 0.0, 0.0, 1.0, reading)[0])
     if threshold > 0.0:
         values["opacity"] = float(values["opacity"] >= threshold)
-    values["opacity_mode"] = _opacity_mode(path, shader, reading)
+    # A cutout is there or not, its highlights and glow with it, whatever the mode says.
+    values["opacity_mode"] = "presence" if threshold > 0.0 else _opacity_mode(path, shader, reading)
     _warn_unread_inputs(path, shader, reading)
     return Material(path=str(path), **values)
 
