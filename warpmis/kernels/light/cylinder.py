@@ -4,6 +4,7 @@ import warp as wp
 
 from warpmis.device.views import LightView
 from warpmis.kernels.frame import frame_from_normal
+from warpmis.kernels.light.area import pdf_of_area, sample_towards
 from warpmis.kernels.light.records import LightHit, LightSample
 from warpmis.kernels.warps import PI
 
@@ -12,19 +13,11 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.func
 def sample_cylinder(light: LightView, x: wp.vec3, u: float, v: float) -> LightSample:
-    s = LightSample()
     frame = frame_from_normal(wp.normalize(light.u))
     phi = 2.0 * PI * v
     outward = frame.s * wp.cos(phi) + frame.t * wp.sin(phi)
-    to_light = light.center + light.u * (2.0 * u - 1.0) + outward * light.radius - x
-    s.distance = wp.length(to_light)
-    if s.distance == 0.0:
-        return s
-    s.wi = to_light / s.distance
-    cos_light = -wp.dot(s.wi, outward)
-    s.pdf_solid_angle = wp.where(cos_light > 0.0, s.distance * s.distance / (cos_light * light.area), 0.0)
-    s.radiance = light.radiance
-    return s
+    point = light.center + light.u * (2.0 * u - 1.0) + outward * light.radius
+    return sample_towards(light, x, point, outward)
 
 
 @wp.func
@@ -54,5 +47,5 @@ def hit_cylinder(light: LightView, x: wp.vec3, wi: wp.vec3) -> LightHit:
     if cos_light <= 0.0:
         return hit
     hit.distance = t
-    hit.pdf_solid_angle = t * t / (cos_light * light.area)
+    hit.pdf_solid_angle = pdf_of_area(light, t, cos_light)
     return hit

@@ -3,6 +3,7 @@
 import warp as wp
 
 from warpmis.device.views import LightView, SceneView
+from warpmis.kernels.light.area import pdf_of_area
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import LightHit, LightSample
 from warpmis.kernels.warps import square_to_triangle
@@ -21,10 +22,7 @@ def cos_emitted(light: LightView, normal: wp.vec3, wi: wp.vec3) -> float:
 
 @wp.func
 def pdf_mesh(light: LightView, normal: wp.vec3, wi: wp.vec3, distance: float) -> float:
-    cos_light = cos_emitted(light, normal, wi)
-    if cos_light <= 0.0:
-        return 0.0
-    return distance * distance / (cos_light * light.area)
+    return pdf_of_area(light, distance, cos_emitted(light, normal, wi))
 
 
 @wp.func

@@ -6,6 +6,7 @@ Reference: Urena, Fajardo, King (2013), "An Area-Preserving Parametrization for 
 import warp as wp
 
 from warpmis.device.views import LightView
+from warpmis.kernels.light.area import pdf_of_area, plane_hit, sample_towards
 from warpmis.kernels.light.records import LightHit, LightSample
 
 wp.set_module_options({"enable_backward": False})
@@ -98,50 +99,31 @@ def sample_spherical_rect(r: SphericalRect, u: float, v: float) -> wp.vec3:
 
 @wp.func
 def sample_rect(light: LightView, x: wp.vec3, u: float, v: float) -> LightSample:
-    s = LightSample()
     if wp.dot(x - light.center, light.n) <= 0.0:
-        return s
-    use_solid_angle = bool(False)
-    to_light = wp.vec3(0.0, 0.0, 0.0)
+        return LightSample()
     if light.solid_angle_sampling != 0:
         r = spherical_rect(light, x)
         if r.solid_angle > 0.0:
-            use_solid_angle = True
+            s = LightSample()
             to_light = sample_spherical_rect(r, u, v)
+            s.distance = wp.length(to_light)
+            s.wi = to_light / s.distance
             s.pdf_solid_angle = 1.0 / r.solid_angle
-    if not use_solid_angle:
-        to_light = light.center + light.u * (2.0 * u - 1.0) + light.v * (2.0 * v - 1.0) - x
-    s.distance = wp.length(to_light)
-    s.wi = to_light / s.distance
-    cos_light = -wp.dot(s.wi, light.n)
-    if not use_solid_angle:
-        s.pdf_solid_angle = wp.where(cos_light > 0.0, s.distance * s.distance / (cos_light * light.area), 0.0)
-    s.radiance = light.radiance
-    return s
+            s.radiance = light.radiance
+            return s
+    point = light.center + light.u * (2.0 * u - 1.0) + light.v * (2.0 * v - 1.0)
+    return sample_towards(light, x, point, light.n)
 
 
 @wp.func
 def hit_rect(light: LightView, x: wp.vec3, wi: wp.vec3) -> LightHit:
     hit = LightHit()
     hit.distance = -1.0
-    cos_light = -wp.dot(wi, light.n)
-    if cos_light <= 0.0:
+    plane = plane_hit(light, x, wi)
+    if plane.distance <= 0.0 or wp.abs(plane.a) > 1.0 or wp.abs(plane.b) > 1.0:
         return hit
-    t = -wp.dot(light.center - x, light.n) / cos_light
-    if t <= 0.0:
-        return hit
-    d = x + wi * t - light.center
-    # Coordinates along the two half edges, which need not be at right angles: Cramer's rule in the plane.
-    uu = wp.dot(light.u, light.u)
-    vv = wp.dot(light.v, light.v)
-    uv = wp.dot(light.u, light.v)
-    du = wp.dot(d, light.u)
-    dv = wp.dot(d, light.v)
-    determinant = uu * vv - uv * uv
-    if wp.abs(du * vv - dv * uv) > determinant or wp.abs(dv * uu - du * uv) > determinant:
-        return hit
-    hit.distance = t
-    hit.pdf_solid_angle = t * t / (cos_light * light.area)
+    hit.distance = plane.distance
+    hit.pdf_solid_angle = pdf_of_area(light, plane.distance, plane.cos_light)
     if light.solid_angle_sampling != 0:
         r = spherical_rect(light, x)
         if r.solid_angle > 0.0:
