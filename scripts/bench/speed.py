@@ -8,7 +8,7 @@ learning   time of moments, solver and launches over the whole run's, on identic
 start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
            kernel cache
 
-Each figure is the median of interleaved repetitions, with the smallest and the largest beside it.
+Each figure is the median of interleaved repetitions, with the smallest and the largest beside it (learning: the quartiles).
 """
 
 from __future__ import annotations
@@ -100,24 +100,26 @@ def roofline(scene: warpmis.Scene, repeats: int) -> Figure:
 
 
 def learning(scene: warpmis.Scene, repeats: int) -> Figure:
-    """The allocation is put back after every solve, so that both runs trace the very same paths."""
-    rounds, spp = 8, 32
-    learn = LearnConfig(rounds=rounds, spp=spp)
-    run = integrator(scene, RenderConfig(spp=2 * rounds * spp, threads=1, learn=learn))
-    start = wp.clone(run.allocation)
+    """One learn round against one plain round of the same samples, many times over, for the machine's speed drifts.
+
+    The allocation is put back after every solve, so that both trace the very same paths. A launch holds a number of
+    samples, not of rounds, so rounds add no launches but the solver's.
+    """
+    spp = 32
+    run = integrator(scene, RenderConfig(spp=2 * spp, threads=1, learn=LearnConfig(rounds=1, spp=spp)))
+    equal = wp.clone(run.allocation)
 
     def with_learning() -> None:
-        for number in range(rounds):
-            run.trace(Round(number * spp, spp, learn=True), lambda samples: None)
-            run.solve()
-            wp.copy(run.allocation, start)
-        run.trace(Round(rounds * spp, rounds * spp, learn=False), lambda samples: None)
+        run.trace(Round(0, spp, learn=True), lambda samples: None)
+        run.solve()
+        wp.copy(run.allocation, equal)
 
     def without() -> None:
-        run.trace(Round(0, 2 * rounds * spp, learn=False), lambda samples: None)
+        run.trace(Round(0, spp, learn=False), lambda samples: None)
 
-    shares = interleaved(lambda: cpu_seconds(with_learning), lambda: cpu_seconds(without), repeats)
-    return figure([1.0 - 1.0 / share for share in shares])
+    shares = interleaved(lambda: cpu_seconds(with_learning), lambda: cpu_seconds(without), 8 * repeats)
+    quartiles = statistics.quantiles([1.0 - 1.0 / share for share in shares], n=4)
+    return dict(zip(("lower quartile", "median", "upper quartile"), quartiles, strict=True))
 
 
 def start(stage: Path) -> dict[str, float]:
