@@ -8,7 +8,8 @@ learning   time of moments, solver and launches over the whole run's, on identic
 start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
            kernel cache
 
-Each figure is the median of interleaved repetitions, with the smallest and the largest beside it (learning: the quartiles).
+Each figure is the median of interleaved repetitions, with the smallest and the largest beside it (learning: with the
+quartiles).
 """
 
 from __future__ import annotations
