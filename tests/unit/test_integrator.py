@@ -11,7 +11,10 @@ import scenes
 
 import warpmis
 from warpmis import integrator
-from warpmis.features import Features
+from warpmis.device.film import download_film
+from warpmis.device.upload import upload
+from warpmis.features import Features, detect
+from warpmis.learn.schedule import Round
 
 SETTINGS = {"spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
 
@@ -28,6 +31,24 @@ def test_image_is_equal_bit_for_bit_for_any_threads_and_tiles(monkeypatch: pytes
         again = warpmis.render(scenes.room(), threads=threads, **SETTINGS)
         for mine, theirs in zip(pictures(again), pictures(reference), strict=True):
             assert np.array_equal(mine, theirs)
+
+
+def test_rounds_go_on_where_the_last_one_stopped() -> None:
+    """Two rounds hold the samples of one of the same length: none twice, for a repeated sample would bias learning."""
+    config = warpmis.RenderConfig(method="balance", spp=16)
+
+    def film_of(*parts: Round) -> np.ndarray:
+        uploaded = upload(scenes.room(), "cpu")
+        features = detect(scenes.room()).with_strategies(config.strategies)
+        run = integrator.Integrator(uploaded, features, config, integrator.allocation_of(config, 16, 16))
+        for part in parts:
+            run.trace(part, lambda samples: None)
+        return download_film(run.film, 16, 16).color
+
+    whole = film_of(Round(0, 16, learn=False))
+    halves = film_of(Round(0, 8, learn=False), Round(8, 8, learn=False))
+    assert halves == pytest.approx(whole, rel=1e-12)
+    assert film_of(Round(0, 8, learn=False)) != pytest.approx(film_of(Round(8, 8, learn=False)), rel=1e-3)
 
 
 def test_seed_changes_the_noise() -> None:
