@@ -65,7 +65,8 @@ class Integrator:
         self.solver = make_newton(self.count) if config.method in LEARNING_METHODS else None
         for kernel in filter(None, (self.kernel, self.solver)):
             wp.load_module(kernel.module, device=config.device)
-        self.threads = 1 if wp.get_device(config.device).is_cuda else config.threads or available_cpus()
+        self.is_cuda = wp.get_device(config.device).is_cuda
+        self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self._allocate()
 
     def _allocate(self) -> None:
@@ -84,16 +85,16 @@ class Integrator:
             self.moments.zero_()
         lock = threading.Lock()
 
-        def launch(job: tuple[int, int, int, int]) -> None:
+        def launch(job: tuple[int, int]) -> None:
             self._launch(part, *job)
             with lock:
-                advance(job[1] * job[3])
+                advance(job[1] * part.samples)
 
         if self.threads == 1:
             for job in self._jobs(part):
                 launch(job)
             return
-        jobs = iter(self._jobs(part))
+        jobs = self._jobs(part)
         with ThreadPoolExecutor(self.threads) as pool:
             # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
             pending = {pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
@@ -103,19 +104,19 @@ class Integrator:
                     future.result()
                 pending |= {pool.submit(launch, job) for job in islice(jobs, len(done))}
 
-    def _jobs(self, part: Round) -> Iterator[tuple[int, int, int, int]]:
-        """(first pixel, pixels, first sample, samples) of each launch: whole pixels, so that each has one thread."""
-        size = GPU_LAUNCH if self.threads == 1 and wp.get_device(self.config.device).is_cuda else CPU_LAUNCH
+    def _jobs(self, part: Round) -> Iterator[tuple[int, int]]:
+        """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread."""
+        size = GPU_LAUNCH if self.is_cuda else CPU_LAUNCH
         pixels = min(self.pixels, max(1, size // part.samples))
         for first in range(0, self.pixels, pixels):
-            yield first, min(pixels, self.pixels - first), part.first_sample, part.samples
+            yield first, min(pixels, self.pixels - first)
 
-    def _launch(self, part: Round, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
-        inputs = [self.scene.view, self.scene.camera, first_pixel, first_sample, samples, self.config.seed]
+    def _launch(self, part: Round, first_pixel: int, pixels: int) -> None:
+        inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, part.samples, self.config.seed]
         inputs += [self.config.max_depth, self.allocation, int(part.learn)]
         inputs += [self.learn_film if part.learn else self.film, self.moments]
         wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
-        if wp.get_device(self.config.device).is_cuda:
+        if self.is_cuda:
             wp.synchronize_device(self.config.device)
 
     def solve(self) -> None:
