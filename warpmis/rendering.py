@@ -99,9 +99,10 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     reporter.phase("compile")
     integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
     rounds = schedule(config)
+    learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
     for number, part in enumerate(rounds, start=1):
-        reporter.phase("learn" if part.learn else "render", f"round {number}/{len(rounds)}" if part.learn else "")
+        reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
         integrator.trace(part, reporter.advance)
         if part.learn:
             integrator.solve()

@@ -116,7 +116,9 @@ def flat_record(light: RectLight | DiskLight) -> LightView:
     view.u = tuple(light.half_u)
     view.v = tuple(light.half_v)
     view.n = tuple(normal / length)
-    view.bound = float(np.sqrt(light.half_u @ light.half_u + light.half_v @ light.half_v))
+    # A sheared rectangle is farthest at a corner; no point of an ellipse lies beyond the root of its axes' squares.
+    corner = max(np.linalg.norm(light.half_u + light.half_v), np.linalg.norm(light.half_u - light.half_v))
+    view.bound = float(corner if rect else np.hypot(np.linalg.norm(light.half_u), np.linalg.norm(light.half_v)))
     view.area = (4.0 if rect else np.pi) * length
     product = np.linalg.norm(light.half_u) * np.linalg.norm(light.half_v)
     view.solid_angle_sampling = int(rect and abs(light.half_u @ light.half_v) < 1e-6 * product)
