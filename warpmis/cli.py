@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.config import METHODS, STRATEGIES, LearnConfig, RenderConfig
+from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES, LearnConfig, RenderConfig
 from warpmis.errors import ConfigError, WarpmisError
+from warpmis.methods import METHODS
 
 if TYPE_CHECKING:
     from warpmis.progress import Progress

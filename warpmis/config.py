@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.errors import ConfigError
+from warpmis.methods import METHODS, Method
 
-METHODS = ("bsdf", "balance", "nee", "fixed", "murray20")
-STRATEGIES = ("bsdf", "light")
+STRATEGIES = ("bsdf", "light", "uniform", "cosine", "area", "dome", "diffuse", "specular")
+DEFAULT_STRATEGIES = ("bsdf", "light")
+STRATEGY_CHOICES = ("stratified", "random")
 
-# Murray et al. 2020 clamp the share of a strategy to [0.1, 0.9] so that every kind of path stays explored.
-MIN_SHARE = 0.1
-
-# The paper's number of rounds; after it a start of 0.1 is forgotten (a step multiplies a share by 1.5 at most).
-MAX_DEFAULT_ROUNDS = 8
+# Strategies whose densities are positive wherever the integrand is: a mixture needs one of them.
+COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular")
 
 # Shares typed by hand (0.333,0.333,0.334) or stored in half precision still count as summing to one.
 SUM_TOLERANCE = 1e-4
@@ -30,9 +29,10 @@ class LearnConfig:
     """How the allocation is learned.
 
     Attributes:
-        rounds: number of learn rounds, each ending with one Newton step; None takes one more for every doubling of
-            the budget, up to 8, since a step from few samples is worse than none (scripts/bench/learning.py).
-        spp: samples per pixel a round; None spends half of the whole budget on learning.
+        rounds: number of learn rounds, each ending with a step of the method's solver; None takes one more for every
+            doubling of the budget, up to the method's limit, since a step from few samples is worse than none
+            (scripts/bench/learning.py).
+        spp: samples per pixel a round; None spends the method's share of the whole budget on learning.
         initial_allocation: share of each strategy before the first round, or None for equal shares.
     """
 
@@ -68,14 +68,16 @@ class RenderConfig:
         seed: the image is a function of the scene, the settings and this number; 0 to 2^32 - 1.
         device: a Warp device, "cpu" or "cuda:0".
         threads: CPU threads; None takes what the process may use.
-        learn: used by method "murray20" alone.
+        strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
+        learn: for the methods that learn.
     """
 
     width: int | None = None
     spp: int = 256
     method: str = "murray20"
-    strategies: tuple[str, ...] = STRATEGIES
+    strategies: tuple[str, ...] = DEFAULT_STRATEGIES
     allocation: NDArray[np.float32] | tuple[float, ...] | None = None
+    strategy_choice: str = "stratified"
     max_depth: int = 8
     seed: int = 0
     device: str = "cpu"
@@ -90,20 +92,32 @@ class RenderConfig:
             raise ConfigError(f"unknown device '{self.device}'; choose cpu, cuda or cuda:0")
         object.__setattr__(self, "strategies", _checked_strategies(self.strategies, self.method))
         object.__setattr__(self, "allocation", self._checked_allocation())
-        if self.method == "murray20":
+        if self.strategy_choice not in STRATEGY_CHOICES:
+            choices = ", ".join(STRATEGY_CHOICES)
+            raise ConfigError(f"unknown strategy choice '{self.strategy_choice}'; choose one of {choices}")
+        if self.how.learns:
             self._check_learning()
+        elif self.learn != LearnConfig():
+            raise ConfigError(f"method '{self.method}' learns nothing: drop the learn settings, or take murray20")
+
+    @property
+    def how(self) -> Method:
+        """What the method's name stands for."""
+        return METHODS[self.method]
 
     def learn_rounds(self) -> int:
-        """Number of learn rounds: as set, or 1 for a budget below 64 samples to 8 from 4096 on."""
+        """Number of learn rounds: as set, or 1 for a budget below 64 samples and one more for each doubling."""
         if self.learn.rounds is not None:
             return self.learn.rounds
-        return min(max(self.spp.bit_length() - 5, 1), MAX_DEFAULT_ROUNDS)
+        if self.how.rounds is not None:
+            return self.how.rounds
+        return min(max(self.spp.bit_length() - 5, 1), self.how.max_rounds)
 
     def learn_spp(self) -> int:
-        """Samples per pixel of one learn round: as set, or so that all rounds take half of the whole budget."""
+        """Samples per pixel of one learn round: as set, or so that all rounds take the method's share of the budget."""
         if self.learn.spp is not None:
             return self.learn.spp
-        return max(1, self.spp // (2 * self.learn_rounds()))
+        return max(1, int(self.spp * self.how.learn_share) // self.learn_rounds())
 
     def to_dict(self) -> dict[str, Any]:
         """The settings as plain JSON values; a per-pixel allocation is named by its shape, not spelled out."""
@@ -118,6 +132,7 @@ class RenderConfig:
             "method": self.method,
             "strategies": list(self.strategies),
             "allocation": allocation,
+            "strategy_choice": self.strategy_choice,
             "max_depth": self.max_depth,
             "seed": self.seed,
             "device": self.device,
@@ -158,14 +173,24 @@ class RenderConfig:
                 f"allocation must have shape ({count},) or (H, W, {count}), a share for each of "
                 f"{', '.join(self.strategies)}, got shape {shares.shape}"
             )
-        if shares[..., self.strategies.index("bsdf")].min() <= 0.0:
-            raise ConfigError("a BSDF share of 0 finds no indirect light: give bsdf a part of every pixel's samples")
+        complete = [self.strategies.index(name) for name in self.strategies if name in COMPLETE]
+        if shares[..., complete].sum(axis=-1).min() <= 0.0:
+            names = " or ".join(self.strategies[i] for i in complete)
+            raise ConfigError(f"shares of lights alone find no indirect light: give {names} a part of every pixel")
         return shares
 
     def _check_learning(self) -> None:
         count = len(self.strategies)
         if count < 2:
-            raise ConfigError("method 'murray20' shares samples between strategies: name two, such as bsdf,light")
+            raise ConfigError(f"method '{self.method}' shares samples between strategies: name two, such as bsdf,light")
+        if self.how.two_strategies and count > 2:
+            raise ConfigError(f"method '{self.method}' is for two strategies; take murray20 for {count}")
+        if self.how.next_event and self.strategies != DEFAULT_STRATEGIES:
+            raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
+        if self.how.next_event and self.learn.initial_allocation is not None:
+            raise ConfigError(f"method '{self.method}' learns from no allocation: drop the initial one, or take pooled")
+        if self.how.rounds is not None and self.learn.rounds not in (None, self.how.rounds):
+            raise ConfigError(f"method '{self.method}' has {self.how.rounds} learn round; drop the number of rounds")
         initial = self.learn.initial_allocation
         if initial is not None and len(initial) != count:
             raise ConfigError(
@@ -201,7 +226,7 @@ def _checked_strategies(strategies: Sequence[str], method: str) -> tuple[str, ..
         raise ConfigError(f"name at least one strategy; choose from {', '.join(STRATEGIES)}")
     if len(set(names)) < len(names):
         raise ConfigError(f"strategies must differ, got {', '.join(names)}; name each once")
-    if "bsdf" not in names:
+    if not set(names) & set(COMPLETE):
         raise ConfigError(f"strategies {', '.join(names)} find no indirect light: add bsdf, which reaches every path")
     return ("bsdf",) if method == "bsdf" else names
 

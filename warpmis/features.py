@@ -26,6 +26,7 @@ class Features:
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
+        statistics: what learning adds up beside the moments (methods.py).
     """
 
     rect_light: bool = False
@@ -43,6 +44,7 @@ class Features:
     opacity: bool = False
     shading_normals: bool = False
     strategies: tuple[str, ...] = ()
+    statistics: tuple[str, ...] = ()
 
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
@@ -50,8 +52,8 @@ class Features:
         on = {f.name: True for f in fields(cls) if f.type == "bool"}
         return cls(**on, strategies=strategies)
 
-    def with_strategies(self, strategies: tuple[str, ...]) -> Features:
-        return replace(self, strategies=strategies)
+    def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
+        return replace(self, strategies=strategies, statistics=statistics)
 
 
 def is_smooth(roughness: float) -> bool:

@@ -7,28 +7,31 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpmis.config import MIN_SHARE, RenderConfig
+from warpmis.config import RenderConfig
 from warpmis.device.film import allocate_film
 from warpmis.device.upload import DeviceScene
 from warpmis.errors import ConfigError
 from warpmis.features import Features
-from warpmis.kernels.moments import moment_count
-from warpmis.kernels.trace import make_trace
-from warpmis.learn.newton import make_newton
-from warpmis.learn.schedule import LEARNING_METHODS, Round
+from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
+from warpmis.learn.certificate import excess_variance_bound
+from warpmis.learn.learner import Learner
+from warpmis.learn.schedule import Round
 
 # Pixel samples of one launch: some tens of milliseconds on a CPU thread, so that progress moves and threads share.
 CPU_LAUNCH = 1 << 15
 GPU_LAUNCH = 1 << 24
+# Pixels of one launch of a solver kernel on a CPU thread.
+CPU_SOLVER_LAUNCH = 1 << 13
 
 
 def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
-    """The shares before the first round, shape (H * W, S)."""
+    """The shares before the first round, shape (H * W, S); all 0 where learning begins with next-event estimation."""
     count = len(config.strategies)
     shares: NDArray[np.float32] = np.full(count, 1.0 / count, dtype=np.float32)
     if config.method == "fixed":
@@ -39,7 +42,9 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
                 f"the allocation map is {shares.shape[1]} x {shares.shape[0]} pixels, the image {width} x {height}; "
                 "make them equal"
             )
-    elif config.method in LEARNING_METHODS and config.learn.initial_allocation is not None:
+    elif config.how.next_event:
+        shares = np.zeros(count, dtype=np.float32)
+    elif config.learn.initial_allocation is not None:
         shares = np.asarray(config.learn.initial_allocation, dtype=np.float32)
     return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
 
@@ -62,8 +67,10 @@ class Integrator:
         self.count = len(features.strategies)
         self.start_allocation = allocation
         self.kernel = make_trace(features)
-        self.solver = make_newton(self.count) if config.method in LEARNING_METHODS else None
-        for kernel in filter(None, (self.kernel, self.solver)):
+        stratified = config.strategy_choice == "stratified"
+        size = (self.width, self.height)
+        self.learner = Learner(config.how, features.strategies, size, stratified, config.device)
+        for kernel in (self.kernel, *self.learner.kernels):
             wp.load_module(kernel.module, device=config.device)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
@@ -72,17 +79,14 @@ class Integrator:
     def _allocate(self) -> None:
         device = self.config.device
         vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
-        vec_k = wp.types.vector(length=max(moment_count(self.count), 1), dtype=wp.float64)
         shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
         self.allocation = wp.array(shares, dtype=vec_s, device=device)
-        self.moments = wp.zeros(self.pixels if self.solver else 1, dtype=vec_k, device=device)
         self.learn_film = allocate_film(self.pixels, device)
         self.film = allocate_film(self.pixels, device)
 
     def trace(self, part: Round, advance: Callable[[int], None]) -> None:
         """Trace one round. `advance` is told the number of pixel samples of each launch that is done."""
-        if part.learn:
-            self.moments.zero_()
+        self.learner.begin_round(part.learn)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
@@ -90,11 +94,14 @@ class Integrator:
             with lock:
                 advance(job[1] * part.samples)
 
+        self._run(launch, self._jobs(part))
+
+    def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
+        """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
         if self.threads == 1:
-            for job in self._jobs(part):
+            for job in jobs:
                 launch(job)
             return
-        jobs = self._jobs(part)
         with ThreadPoolExecutor(self.threads) as pool:
             # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
             pending = {pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
@@ -107,29 +114,52 @@ class Integrator:
     def _jobs(self, part: Round) -> Iterator[tuple[int, int]]:
         """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread."""
         size = GPU_LAUNCH if self.is_cuda else CPU_LAUNCH
-        pixels = min(self.pixels, max(1, size // part.samples))
+        return self._stretches(max(1, size // part.samples))
+
+    def _stretches(self, pixels: int) -> Iterator[tuple[int, int]]:
         for first in range(0, self.pixels, pixels):
             yield first, min(pixels, self.pixels - first)
 
     def _launch(self, part: Round, first_pixel: int, pixels: int) -> None:
         inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, part.samples, self.config.seed]
-        inputs += [self.config.max_depth, self.allocation, int(part.learn)]
-        inputs += [self.learn_film if part.learn else self.film, self.moments]
+        stratified = int(self.config.strategy_choice == "stratified")
+        learn = LEARN_NOTHING
+        if part.learn:
+            learn = LEARN_DIRECT if self.config.how.direct_only else LEARN_ALL
+        inputs += [self.config.max_depth, stratified, self.allocation, learn]
+        inputs += [self.learn_film if part.learn else self.film, self.learner.moments]
         wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
         if self.is_cuda:
             wp.synchronize_device(self.config.device)
 
     def solve(self) -> None:
-        """One step of the solver on every pixel, from the moments of the last round."""
-        assert self.solver is not None
-        inputs = [self.moments, self.allocation, MIN_SHARE]
-        wp.launch(self.solver, dim=self.pixels, inputs=inputs, device=self.config.device)
+        """One step of the method's solver, from the moments of the rounds so far."""
+        self.learner.step(self.allocation, self.learn_film, self._launch_solver)
+
+    def _launch_solver(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
+        def launch(job: tuple[int, int]) -> None:
+            wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
+
+        self._run(launch, self._stretches(self.pixels if self.is_cuda else CPU_SOLVER_LAUNCH))
 
     def allocation_map(self) -> NDArray[np.float32]:
         """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""
         shares = self.allocation.numpy() if self.count else self.start_allocation
-        return shares.reshape(self.height, self.width, -1).copy()
+        left = shares.sum(axis=1, keepdims=True) == 0.0
+        shares = np.where(left, np.float32(1.0 / shares.shape[1]), shares)
+        return shares.reshape(self.height, self.width, -1)
+
+    def next_event_share(self) -> float:
+        """Share of the pixels that have left the mixture for next-event estimation."""
+        return float((self.allocation.numpy().sum(axis=1) == 0.0).mean())
+
+    def excess_variance(self) -> NDArray[np.float64]:
+        """Bound on each pixel's variance in excess of the best allocation's, after the last round, shape (H, W)."""
+        moments, shares = self.learner.moments.numpy(), self.allocation.numpy()
+        samples = self.film.accepted.numpy()
+        return excess_variance_bound(moments, shares, samples).reshape(self.height, self.width)
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""
-        return int(self.learn_film.rays.numpy().sum() + self.film.rays.numpy().sum())
+        films = (self.learn_film, self.film)
+        return sum(int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum()) for film in films)

@@ -94,7 +94,7 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
     strategies = config.strategies if config.method != "nee" else ()
-    features = (features or detect(scene)).with_strategies(strategies)
+    features = (features or detect(scene)).with_strategies(strategies, config.how.statistics)
     device_scene = upload(scene, config.device)
     reporter.phase("compile")
     integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
@@ -127,9 +127,10 @@ def result_of(
         "rejected_samples": int(film.rejected.sum()),
         "rays": rays,
         "rays_per_second": rays / traced if traced > 0.0 else 0.0,
+        "next_event_pixels": integrator.next_event_share(),
         "triangles": len(scene.geometry.triangles),
         "lights": len(scene.lights),
-        "features": [name for name, on in dataclasses.asdict(features).items() if on and name != "strategies"],
+        "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,
         "threads": integrator.threads,
     }

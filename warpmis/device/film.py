@@ -22,6 +22,7 @@ def allocate_film(pixels: int, device: str) -> FilmView:
     view.accepted = wp.zeros(pixels, dtype=wp.int32, device=device)
     view.rejected = wp.zeros(pixels, dtype=wp.int32, device=device)
     view.rays = wp.zeros(pixels, dtype=wp.int64, device=device)
+    view.shadow_rays = wp.zeros(pixels, dtype=wp.int64, device=device)
     return view
 
 

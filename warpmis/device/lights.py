@@ -40,7 +40,7 @@ class LightTables:
     """The lights of a scene, ready to upload.
 
     Attributes:
-        lights, delta_lights: records.
+        lights, delta_lights: records; the lights at a distance come first, then those at infinity.
         triangle_light: per triangle the mesh light that it belongs to, or -1, shape (F,) int32.
         emitter_triangles, emitter_cdf: the mesh lights' triangles, one light after the other, with the cumulative
             share of the light's area.
@@ -59,17 +59,16 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""
     tables = LightTables(triangle_light=np.full(len(geometry.triangles), -1, dtype=np.int32))
     domes = [light for light in scene.lights if isinstance(light, DomeLight)]
-    for light in scene.lights:
-        if is_delta(light):
-            tables.delta_lights.append(delta_record(light))
-        elif not isinstance(light, DomeLight):
-            tables.lights.append(record(light))
+    tables.delta_lights += [delta_record(light) for light in scene.lights if is_delta(light)]
+    extended = [light for light in scene.lights if not is_delta(light) and not isinstance(light, DomeLight)]
+    tables.lights += [record(light) for light in extended if not isinstance(light, DistantLight)]
+    add_mesh_lights(tables, scene, geometry)
+    tables.lights += [record(light) for light in extended if isinstance(light, DistantLight)]
     if domes:
         tables.environment = combine(domes)
         dome = blank_record(DOME, tables.environment.radiance)
         dome.luminance = tables.environment.luminance
         tables.lights.append(dome)
-    add_mesh_lights(tables, scene, geometry)
     return tables
 
 

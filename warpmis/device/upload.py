@@ -11,7 +11,17 @@ import warp as wp
 from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.order import first_use_order, morton_order
-from warpmis.device.views import CameraView, DeltaLightView, DomeView, LightView, MaterialView, SceneView, TriangleView
+from warpmis.device.views import (
+    DISTANT,
+    DOME,
+    CameraView,
+    DeltaLightView,
+    DomeView,
+    LightView,
+    MaterialView,
+    SceneView,
+    TriangleView,
+)
 from warpmis.errors import ConfigError
 from warpmis.scene import Camera, Geometry, Material, Scene
 
@@ -129,6 +139,7 @@ def material_view(material: Material, double_sided: int) -> MaterialView:
 
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> wp.Bvh | None:
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
+    view.finite_light_count = sum(light.kind not in (DISTANT, DOME) for light in tables.lights)
     view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
     if tables.delta_lights:
         view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)

@@ -106,7 +106,11 @@ class DomeView:
 
 @wp.struct
 class SceneView:
-    """The whole scene. emitter_cdf: per triangle of a mesh light the cumulative share of the light's area."""
+    """The whole scene.
+
+    lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
+    a mesh light the cumulative share of the light's area.
+    """
 
     mesh: wp.uint64
     points: wp.array(dtype=wp.vec3)
@@ -116,6 +120,7 @@ class SceneView:
     materials: wp.array(dtype=MaterialView)
     lights: wp.array(dtype=LightView)
     light_count: int
+    finite_light_count: int
     delta_lights: wp.array(dtype=DeltaLightView)
     delta_light_count: int
     emitter_bvh: wp.uint64
@@ -156,3 +161,4 @@ class FilmView:
     accepted: wp.array(dtype=wp.int32)
     rejected: wp.array(dtype=wp.int32)
     rays: wp.array(dtype=wp.int64)
+    shadow_rays: wp.array(dtype=wp.int64)

@@ -8,19 +8,91 @@ For F = f / p_a with q_s = p_s / p_a (estimators of the derivatives of M2(a) = E
 F^2 is sum_c g_c F_c^2 over the colours, g the luminance weights: convex in a, with no cancellation. The sums are in
 float64, where no radiance that float32 holds can overflow when squared.
 
+A method may ask for more (Method.statistics), Y being the luminance of F:
+
+    mean        E[Y] and E[F^2]
+    posterior   E[Y a_s q_s]: the light that strategy s would claim for its own
+    candidates  for each share c of CANDIDATES, with F' = f / p_c: E[F'^2 p_c / p_a] and E[Y' q'_1 p_c / p_a], the
+                second moment of F' and the mean of its samples from the first strategy
+    cost        E[A q_s + B]: cost of a path, had strategy s alone drawn its direction. A is the cost before Russian
+                roulette sets in. From there on a path lives in proportion to its throughput f / p_a, so that all
+                allocations spend the same on this part, B
+    pair        E[X_l], E[X_l^2], E[X_b], E[X_b^2], E[C]: moments of the light sample and of the BSDF sample that next-event
+                estimation takes, by the balance heuristic with a sample each (Veach 1997, equation 9.8), and its cost
+
+With `pair` the samples come two at a time, from next-event estimation: X_l = f_d / P at the light's direction, and at the
+BSDF's X_d = f_d / P from the lights and Y = f_i / p_1 from everything else, where P = p_1 + p_2 and f = f_d + f_i. The other
+statistics follow from them: with s = p_1 / P and p_c / P = c s + (1 - c)(1 - s) =: t at either direction,
+
+    E[F'^2 p_c / p_a] = E[X_l^2 / t_l + (X_d^2 + 2 X_d Y + s_b Y^2) / t_b],
+    E[Y' q'_1 p_c / p_a] = E[X_l s_l / t_l + (X_d + Y) s_b / t_b]
+
 Reference: Sbert, Havran, Szirmay-Kalos (2019); Murray et al. (2020), equations 5 and 10.
 """
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import warp as wp
 
+from warpmis.kernels.frame import luminance
+
 wp.set_module_options({"enable_backward": False})
 
+# Cost of a shadow ray, in units of a path's ray with the vertex at its end: fitted by scripts/bench/cost.py.
+SHADOW_RAY_COST = wp.constant(0.6)
 
-def moment_count(strategies: int) -> int:
-    """Numbers a pixel: S first moments, then the upper triangle of the S x S second ones, row by row."""
-    return strategies + strategies * (strategies + 1) // 2
+# Shares of the first of two strategies that are held against each other.
+CANDIDATES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each number stands in a pixel's vector: S first moments, the upper triangle of the S x S second ones row
+    by row, then what `statistics` names. -1: not there."""
+
+    strategies: int
+    statistics: tuple[str, ...] = ()
+
+    def _sizes(self) -> dict[str, int]:
+        count = self.strategies
+        sizes = {"mean": 2, "posterior": count, "candidates": 2 * len(CANDIDATES), "cost": count, "pair": 5}
+        return {name: sizes[name] for name in self.statistics}
+
+    @property
+    def second(self) -> int:
+        return self.strategies
+
+    def offset(self, statistic: str) -> int:
+        at = self.strategies + self.strategies * (self.strategies + 1) // 2
+        for name, size in self._sizes().items():
+            if name == statistic:
+                return at
+            at += size
+        return -1
+
+    def power(self, entry: int) -> int:
+        """How often radiance is a factor of the entry: 2 for moments of F^2, 1 for those of F, 0 for costs."""
+        powers = {
+            "mean": (1, 2),
+            "posterior": (1,) * self.strategies,
+            "candidates": (2, 1) * len(CANDIDATES),
+            "cost": (0,) * self.strategies,
+            "pair": (1, 2, 1, 2, 0),
+        }
+        for name in self.statistics:
+            place = entry - self.offset(name)
+            if 0 <= place < len(powers[name]):
+                return powers[name][place]
+        return 2
+
+    @property
+    def size(self) -> int:
+        return self.strategies + self.strategies * (self.strategies + 1) // 2 + sum(self._sizes().values())
+
+    @property
+    def vec(self) -> type:
+        return wp.types.vector(length=max(self.size, 1), dtype=wp.float64)
 
 
 @wp.func
@@ -31,14 +103,20 @@ def squared(F: wp.vec3) -> wp.float64:
     return wp.float64(0.2126) * r * r + wp.float64(0.7152) * g * g + wp.float64(0.0722) * b * b
 
 
-def make_moments(count: int) -> SimpleNamespace:
-    """The function `add`, for `count` strategies, and its accumulator type vec_k."""
+def make_moments(layout: Layout) -> SimpleNamespace:
+    """The functions `add`, `add_statistics` and `add_pair`, and their accumulator type vec_k."""
+    count = layout.strategies
     vec_s = wp.types.vector(length=max(count, 1), dtype=wp.float32)
-    vec_k = wp.types.vector(length=max(moment_count(count), 1), dtype=wp.float64)
+    vec_k = layout.vec
+    mean = layout.offset("mean")
+    posterior = layout.offset("posterior")
+    candidates = layout.offset("candidates")
+    cost = layout.offset("cost")
+    pair = layout.offset("pair")
 
     @wp.func
     def add(sums: vec_k, F: wp.vec3, q: vec_s) -> vec_k:
-        """The sums with one more sample in them."""
+        """The moments with one more sample in them."""
         F2 = squared(F)
         for s in range(wp.static(count)):
             F2_q = F2 * wp.float64(q[s])
@@ -48,4 +126,53 @@ def make_moments(count: int) -> SimpleNamespace:
                     sums[wp.static(count + s * count - s * (s - 1) // 2 + t - s)] += F2_q * wp.float64(q[t])
         return sums
 
-    return SimpleNamespace(add=add, vec_k=vec_k)
+    @wp.func
+    def add_statistics(sums: vec_k, F: wp.vec3, early_cost: float, late_cost: float, q: vec_s, a: vec_s) -> vec_k:
+        """The method's statistics with one more sample of the mixture in them."""
+        F2 = squared(F)
+        y = wp.float64(luminance(F))
+        for s in range(wp.static(count)):
+            if wp.static(posterior >= 0):
+                sums[wp.static(posterior + s)] += y * wp.float64(a[s] * q[s])
+            if wp.static(cost >= 0):
+                sums[wp.static(cost + s)] += wp.float64(early_cost * q[s] + late_cost)
+        if wp.static(mean >= 0):
+            sums[wp.static(mean)] += y
+            sums[wp.static(mean + 1)] += F2
+        if wp.static(candidates >= 0):
+            for k in range(wp.static(len(CANDIDATES))):
+                # p_c / p_a; what neither strategy can draw has no weight.
+                ratio = wp.static(CANDIDATES[k]) * q[0] + wp.static(1.0 - CANDIDATES[k]) * q[1]
+                if ratio > 0.0:
+                    inverse = wp.float64(1.0 / ratio)
+                    sums[wp.static(candidates + 2 * k)] += F2 * inverse
+                    sums[wp.static(candidates + 2 * k + 1)] += y * wp.float64(q[0]) * inverse
+        return sums
+
+    @wp.func
+    def add_pair(
+        sums: vec_k, light: wp.vec3, s_light: float, direct: wp.vec3, indirect: wp.vec3, s_bsdf: float, spent: float
+    ) -> vec_k:
+        """The method's statistics with one more pair in them: X_l, s_l, X_d, Y, s_b, C of the module's docstring."""
+        bsdf = direct + indirect
+        y_light = wp.float64(luminance(light))
+        y_bsdf = wp.float64(luminance(bsdf))
+        light2 = squared(light)
+        bsdf2 = squared(bsdf)
+        sums[wp.static(mean)] += y_light + y_bsdf
+        sums[wp.static(mean + 1)] += squared(light + bsdf)
+        sums[wp.static(pair)] += y_light
+        sums[wp.static(pair + 1)] += light2
+        sums[wp.static(pair + 2)] += y_bsdf
+        sums[wp.static(pair + 3)] += bsdf2
+        sums[wp.static(pair + 4)] += wp.float64(spent)
+        by_bsdf2 = bsdf2 - squared(indirect) * wp.float64(1.0 - s_bsdf)
+        for k in range(wp.static(len(CANDIDATES))):
+            t_light = wp.static(CANDIDATES[k]) * s_light + wp.static(1.0 - CANDIDATES[k]) * (1.0 - s_light)
+            t_bsdf = wp.static(CANDIDATES[k]) * s_bsdf + wp.static(1.0 - CANDIDATES[k]) * (1.0 - s_bsdf)
+            sums[wp.static(candidates + 2 * k)] += light2 / wp.float64(t_light) + by_bsdf2 / wp.float64(t_bsdf)
+            of_first = y_light * wp.float64(s_light / t_light) + y_bsdf * wp.float64(s_bsdf / t_bsdf)
+            sums[wp.static(candidates + 2 * k + 1)] += of_first
+        return sums
+
+    return SimpleNamespace(add=add, add_statistics=add_statistics, add_pair=add_pair, vec_k=vec_k)

@@ -20,7 +20,7 @@ from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.mesh import pdf_mesh
 from warpmis.kernels.light.table import SHADOW_END, Receiver, make_lights
 from warpmis.kernels.mis import balance_weight
-from warpmis.kernels.strategies import Densities, make_strategies
+from warpmis.kernels.strategies import make_strategies
 
 wp.set_module_options({"enable_backward": False})
 
@@ -28,6 +28,7 @@ wp.set_module_options({"enable_backward": False})
 SEEN = wp.constant(0)  # from the camera or a mirror: no other strategy could have found the light
 MIXTURE = wp.constant(1)  # from the mixture: its density is complete once the ray's lights are known
 WEIGHTED = wp.constant(2)  # from the BSDF, against the light sample of the same vertex
+PAIRED = wp.constant(3)  # the same at the mixture's vertex, for learning: its densities are to be completed, too
 
 # From this many bounces on a path may end by Russian roulette.
 ROULETTE_DEPTH = wp.constant(3)
@@ -44,29 +45,44 @@ def make_path(features: Features) -> SimpleNamespace:
     vec_s = strategies.vec_s
     has_events = features.smooth or features.opacity
     has_mixture = strategies.count > 0
+    paired = "pair" in features.statistics
 
     @wp.struct
     class PathSample:
         """One path. seen: light found before the mixture's vertex, and delta lights at it; mixed: the mixture's
-        estimate F = f / p_a, throughput up to its vertex included; q: p_s / p_a of its direction (0 where F is);
-        hit: 1 where a surface was met, of which albedo, normal and distance tell; alpha: 1 also for a light in view."""
+        estimate F = f / p_a, throughput up to its vertex included; direct: the part of it that came straight from the
+        lights; q: p_s / p_a of its direction, or 1 / a_s for the one that drew in vain; light, light_share: where
+        next-event estimation stands in for the mixture, the part of its light sample and p_bsdf / (p_bsdf + p_light)
+        of that sample's direction, q being the same of the BSDF's, and direct the weighted light it met; hit: 1 where a surface was met, of which albedo, normal
+        and distance tell; alpha: 1 also for a light in view; early_rays, early_shadow_rays: those of all rays that were
+        traced before Russian roulette could end the path."""
 
         seen: wp.vec3
         mixed: wp.vec3
+        direct: wp.vec3
         q: vec_s
+        light: wp.vec3
+        light_share: float
         alpha: float
         albedo: wp.vec3
         normal: wp.vec3
         distance: float
         hit: int
         rays: int
+        shadow_rays: int
+        early_rays: int
+        early_shadow_rays: int
 
     @wp.struct
     class DirectLight:
-        """Light that a vertex sends on from a light sample, and the rays that it took."""
+        """Light that a vertex sends on from a light sample, and the rays that it took.
+
+        share: the BSDF's density of its direction, over that of BSDF and lights together.
+        """
 
         radiance: wp.vec3
         rays: int
+        share: float
 
     @wp.func
     def delta_light(scene: SceneView, r: Receiver, frame: Frame, ng: wp.vec3, s: Surface, u: float) -> DirectLight:
@@ -121,6 +137,7 @@ def make_path(features: Features) -> SimpleNamespace:
         scattering = surface.evaluate(s, to_local(frame, towards.wi))
         if luminance(scattering.f_cos) <= 0.0:
             return direct
+        direct.share = balance_weight(scattering.pdf_solid_angle, towards.pdf_solid_angle)
         through = intersect.transmittance(scene, r.x, towards.wi, towards.distance * SHADOW_END)
         weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
         direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
@@ -129,9 +146,18 @@ def make_path(features: Features) -> SimpleNamespace:
 
     @wp.func
     def Li(
-        scene: SceneView, origin: wp.vec3, direction: wp.vec3, key: rng.RngKey, allocation: vec_s, max_depth: int
+        scene: SceneView,
+        origin: wp.vec3,
+        direction: wp.vec3,
+        key: rng.RngKey,
+        allocation: vec_s,
+        u_strategy: float,
+        max_depth: int,
     ) -> PathSample:
-        """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit."""
+        """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit.
+
+        u_strategy chooses the strategy of the mixture's direction.
+        """
         path = PathSample()
         L = wp.vec3(0.0, 0.0, 0.0)
         beta = wp.vec3(1.0, 1.0, 1.0)
@@ -142,7 +168,8 @@ def make_path(features: Features) -> SimpleNamespace:
         r.x = origin
         arrival = int(SEEN)
         pdf_bsdf = float(0.0)
-        mixed = int(0)
+        p = vec_s()
+        mixed = int(-1)  # the bounce at which the mixture was drawn from; none yet
         bounces = int(0)
 
         for step in range(max_depth + 1 + MAX_PASSED):
@@ -153,28 +180,33 @@ def make_path(features: Features) -> SimpleNamespace:
                 far += near
             found = lights.gather(scene, r, wi, near, far, pdf_bsdf)
             emission = found.radiance
-            if arrival == WEIGHTED:
+            if arrival >= WEIGHTED:
                 emission = found.weighted
             if bounces == 0 and found.hits > 0:
                 path.alpha = 1.0
 
             if wp.static(has_mixture):
-                if arrival == MIXTURE:
-                    parts = Densities()
-                    parts.bsdf = pdf_bsdf
-                    parts.light = found.pdf_solid_angle
+                if arrival == MIXTURE or arrival == PAIRED:
+                    finite = found.finite
                     if wp.static(features.mesh_light):
-                        parts.light += lights.pdf_emitter_triangles(scene, r, wi)
-                    p = strategies.densities(parts)
-                    p_a = wp.dot(allocation, p)
-                    if p_a <= 0.0:
-                        break
-                    path.q = p / p_a
-                    beta = beta / p_a
-                    arrival = SEEN
+                        finite += lights.pdf_emitter_triangles(scene, r, wi)
+                    p = strategies.completed(p, r, finite, found.infinite)
+                    if arrival == MIXTURE:
+                        p_a = wp.dot(allocation, p)
+                        if p_a <= 0.0:
+                            break
+                        path.q = p / p_a
+                        beta = beta / p_a
+                        arrival = SEEN
+                    if wp.static(paired):
+                        if arrival == PAIRED:
+                            path.q = p / (p[wp.static(strategies.bsdf)] + p[wp.static(strategies.light)])
+                            arrival = WEIGHTED
 
             if hit.distance >= INFINITE_DISTANCE:
                 L += wp.cw_mul(beta, emission)
+                if mixed == bounces:
+                    path.direct += wp.cw_mul(beta, emission)
                 break
             triangle = scene.triangles[hit.triangle]
             material = scene.materials[triangle.material]
@@ -183,10 +215,12 @@ def make_path(features: Features) -> SimpleNamespace:
                     weight = float(1.0)
                     if arrival == WEIGHTED:
                         light = scene.lights[triangle.light]
-                        pdf_light = pdf_mesh(light, hit.ng, wi, far) * lights.choice_probability(scene, light, r)
-                        weight = balance_weight(pdf_bsdf, pdf_light)
+                        of_light = pdf_mesh(light, hit.ng, wi, far) * lights.importance(scene, light, r)
+                        weight = balance_weight(pdf_bsdf, lights.density(of_light, r.total))
                     emission += material.emission * weight
             L += wp.cw_mul(beta, emission)
+            if mixed == bounces:
+                path.direct += wp.cw_mul(beta, emission)
 
             frame = intersect.shading_frame(scene, hit, wi)
             wo = to_local(frame, -wi)
@@ -215,54 +249,72 @@ def make_path(features: Features) -> SimpleNamespace:
                     wi = wp.normalize(to_world(frame, wp.vec3(-wo[0], -wo[1], wo[2])))
                     if wp.dot(wi, hit.ng) <= 0.0:
                         break
+                    r = Receiver()
                     r.x = start
-                    r.total = 0.0
                     arrival = SEEN
                     continue
 
-            r = lights.receiver(scene, start, frame.n)
+            u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
+            r = lights.receiver(scene, start, frame.n, u_light[0])
             s = surface.prepare(material, wo)
             if wp.static(features.delta_light):
                 u_delta = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)
                 from_delta = delta_light(scene, r, frame, hit.ng, s, u_delta[0])
                 L += wp.cw_mul(beta, from_delta.radiance)
-                path.rays += from_delta.rays
+                path.shadow_rays += from_delta.rays
             u_scatter = rng.uniform4_of_step(key, step, rng.SCATTER)
-            u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
             arrival = WEIGHTED
             if wp.static(has_mixture):
-                if mixed == 0:
-                    arrival = MIXTURE
-                    mixed = 1
+                if mixed < 0:
+                    mixed = bounces
                     path.seen = L
                     L = wp.vec3(0.0, 0.0, 0.0)
-                    strategy = strategies.choose(allocation, u_event[1])
+                    arrival = MIXTURE
+                    if wp.static(paired):
+                        # A pixel without shares goes by next-event estimation.
+                        if not strategies.is_shared(allocation):
+                            arrival = PAIRED
+                if arrival == MIXTURE:
+                    strategy = strategies.choose(allocation, u_strategy)
+                    # Until the direction's densities are known the path is of the strategy that drew it alone.
+                    path.q = strategies.drawn_by(strategy, allocation)
                     wi = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
-            if arrival == WEIGHTED:
+            if arrival >= WEIGHTED:
                 from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
                 L += wp.cw_mul(beta, from_light.radiance)
-                path.rays += from_light.rays
+                path.shadow_rays += from_light.rays
+                if wp.static(paired):
+                    if arrival == PAIRED:
+                        path.light = L
+                        path.light_share = from_light.share
                 wi = to_world(frame, surface.sample(s, u_scatter))
 
             if wp.dot(wi, hit.ng) <= 0.0:
                 break
             wi = wp.normalize(wi)
-            scattering = surface.evaluate(s, to_local(frame, wi))
+            local = to_local(frame, wi)
+            scattering = surface.evaluate(s, local)
             pdf_bsdf = scattering.pdf_solid_angle
+            if wp.static(has_mixture):
+                if arrival == MIXTURE or arrival == PAIRED:
+                    p = strategies.vertex_densities(s, local[2], scattering)
             beta = wp.cw_mul(beta, scattering.f_cos)
             if luminance(beta) <= 0.0:
                 break
-            if arrival == WEIGHTED:
+            if arrival >= WEIGHTED:
                 beta = beta / pdf_bsdf
-                if bounces >= ROULETTE_DEPTH:
+                if bounces < ROULETTE_DEPTH:
+                    path.early_rays = path.rays
+                    path.early_shadow_rays = path.shadow_rays
+                else:
                     survival = wp.min(wp.max(beta[0], wp.max(beta[1], beta[2])), ROULETTE_MAX_SURVIVAL)
                     if u_event[2] >= survival:
                         break
                     beta = beta / survival
-        if mixed == 0:
+        if mixed < 0:
             path.seen = L
         else:
             path.mixed = L
         return path
 
-    return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies)
+    return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies, paired=paired)

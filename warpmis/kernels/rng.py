@@ -15,6 +15,10 @@ SCATTER = wp.constant(2)
 LIGHT = wp.constant(3)
 DELTA_LIGHT = wp.constant(4)
 BLOCKS = wp.constant(4)
+# 2^32 over the golden ratio, rounded to odd.
+GOLDEN_STEP = wp.constant(wp.uint32(2654435769))
+# The block of the choice of strategy: one that no step of a path reaches.
+CHOICE = wp.constant(-1)
 
 
 @wp.struct
@@ -55,6 +59,19 @@ def uniform4(key: RngKey, block: int) -> wp.vec4:
     z = z + x * y
     w = w + y * z
     return wp.vec4(to_unit(x), to_unit(y), to_unit(z), to_unit(w))
+
+
+@wp.func
+def golden_ratio(key: RngKey) -> float:
+    """One number a sample that fills [0, 1) evenly over a pixel's samples, however many they are and wherever a round
+    begins: a random start a pixel, then steps of the golden ratio, modulo 1.
+
+    Reference: Schroeder (1991), "Fractals, Chaos, Power Laws", on the sequence with the smallest discrepancy.
+    """
+    start = key
+    start.sample = wp.uint32(0)
+    offset = wp.uint32(uniform4(start, CHOICE)[0] * 16777216.0) << wp.uint32(8)
+    return to_unit(offset + key.sample * GOLDEN_STEP)
 
 
 @wp.func

@@ -1,6 +1,12 @@
 """The table of sampling strategies at the first non-specular vertex: each a name, a sampler and a density.
 
-All densities are in solid angle and may be evaluated for any direction, whichever strategy drew it.
+    bsdf      the BSDF's own sampler                 uniform   the hemisphere about the shading normal
+    light     all lights                             cosine    the hemisphere, by the cosine
+    area      the lights at a distance               diffuse   the BSDF's diffuse lobe
+    dome      the lights at infinity                 specular  the BSDF's specular lobes, coat included
+
+All densities are in solid angle and may be evaluated for any direction, whichever strategy drew it. A strategy that has
+nothing to sample at a point (no light faces it, no such lobe is there) draws from the BSDF instead: no sample is lost.
 """
 
 from types import SimpleNamespace
@@ -9,26 +15,31 @@ import warp as wp
 
 from warpmis.device.views import SceneView
 from warpmis.features import Features
-from warpmis.kernels.bsdf.surface import Surface
+from warpmis.kernels.bsdf.surface import Scattering, Surface
 from warpmis.kernels.frame import Frame, to_world
+from warpmis.kernels.light.records import LightSample
 from warpmis.kernels.light.table import Receiver
+from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere, square_to_uniform_hemisphere
 
 wp.set_module_options({"enable_backward": False})
 
 
-@wp.struct
-class Densities:
-    """What the densities of all strategies are made of, for one direction."""
-
-    bsdf: float
-    light: float
-
-
 def make_strategies(features: Features, surface: SimpleNamespace, lights: SimpleNamespace) -> SimpleNamespace:
-    """Functions over the S = len(features.strategies) strategies: choose, sample, densities; type vec_s."""
+    """Functions over the S = len(features.strategies) strategies; type vec_s.
+
+    choose, sample: a strategy, and a direction from it. vertex_densities: for a direction, what can be told of the
+    strategies' densities at the vertex; completed: the same with those of the lights, once the ray has met them.
+    """
     names = features.strategies
     count = len(names)
     vec_s = wp.types.vector(length=max(count, 1), dtype=wp.float32)
+
+    @wp.func
+    def is_shared(allocation: vec_s) -> bool:
+        total = float(0.0)
+        for s in range(wp.static(count)):
+            total += allocation[s]
+        return total > 0.0
 
     @wp.func
     def choose(allocation: vec_s, u: float) -> int:
@@ -42,31 +53,117 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return chosen
 
     @wp.func
+    def drawn_by(strategy: int, allocation: vec_s) -> vec_s:
+        """1 / a_s for the strategy that drew, 0 for the others: its share of all samples on average."""
+        q = vec_s()
+        for s in range(wp.static(count)):
+            if s == strategy:
+                q[s] = 1.0 / allocation[s]
+        return q
+
+    @wp.func
+    def lights_of(scene: SceneView, r: Receiver, strategy: int, u: wp.vec4) -> LightSample:
+        s = LightSample()
+        for i in range(wp.static(count)):
+            if strategy == i:
+                if wp.static(names[i] == "light"):
+                    s = lights.sample(scene, r, u)
+                if wp.static(names[i] == "area"):
+                    s = lights.sample_range(scene, r, 0, scene.finite_light_count, r.finite, u)
+                if wp.static(names[i] == "dome"):
+                    s = lights.sample_range(scene, r, scene.finite_light_count, scene.light_count, r.infinite, u)
+        return s
+
+    @wp.func
+    def total_of(r: Receiver, strategy: int) -> float:
+        """Importance of all lights that a strategy chooses from; 0 for strategies that sample no lights."""
+        total = float(0.0)
+        for i in range(wp.static(count)):
+            if strategy == i:
+                if wp.static(names[i] == "light"):
+                    total = r.total
+                if wp.static(names[i] == "area"):
+                    total = r.finite
+                if wp.static(names[i] == "dome"):
+                    total = r.infinite
+        return total
+
+    @wp.func
     def sample(
         scene: SceneView, r: Receiver, frame: Frame, s: Surface, strategy: int, u: wp.vec4, v: wp.vec4
     ) -> wp.vec3:
-        """A world direction from one strategy; the zero vector where it has none. u and v serve bsdf and light."""
-        wi = wp.vec3(0.0, 0.0, 0.0)
+        """A world direction from one strategy; the zero vector where there is none. v serves the lights, u the rest."""
+        if total_of(r, strategy) > 0.0:
+            towards = lights_of(scene, r, strategy, v)
+            if towards.pdf_solid_angle <= 0.0:
+                return wp.vec3(0.0, 0.0, 0.0)
+            return towards.wi
+        u_lobe = wp.vec4(u[0], u[1], u[2], u[3])
+        p_specular = s.p_specular + s.p_coat
+        local = wp.vec3(0.0, 0.0, 0.0)
+        plain = int(1)
         for i in range(wp.static(count)):
             if strategy == i:
-                if wp.static(names[i] == "bsdf"):
-                    local = surface.sample(s, u)
-                    if local[2] > 0.0:
-                        wi = to_world(frame, local)
-                if wp.static(names[i] == "light"):
-                    towards = lights.sample(scene, r, v)
-                    if towards.pdf_solid_angle > 0.0:
-                        wi = towards.wi
-        return wi
+                if wp.static(names[i] == "uniform"):
+                    local = square_to_uniform_hemisphere(u[1], u[2])
+                    plain = 0
+                if wp.static(names[i] == "cosine"):
+                    local = square_to_cosine_hemisphere(u[1], u[2])
+                    plain = 0
+                # The BSDF's sampler chooses its lobe by u[0]: a lobe alone is a part of that number's range.
+                if wp.static(names[i] == "diffuse"):
+                    if s.p_diffuse > 0.0:
+                        u_lobe[0] = 0.0
+                if wp.static(names[i] == "specular"):
+                    if p_specular > 0.0:
+                        u_lobe[0] = wp.max(s.p_diffuse, s.p_diffuse + u[0] * p_specular)
+        if plain != 0:
+            local = surface.sample(s, u_lobe)
+        if local[2] <= 0.0:
+            return wp.vec3(0.0, 0.0, 0.0)
+        return to_world(frame, local)
 
     @wp.func
-    def densities(parts: Densities) -> vec_s:
+    def vertex_densities(s: Surface, cos_theta: float, scattering: Scattering) -> vec_s:
+        """For a direction at the local height cos_theta; the BSDF's density stands in for the lights'."""
         p = vec_s()
         for i in range(wp.static(count)):
-            if wp.static(names[i] == "bsdf"):
-                p[i] = parts.bsdf
-            if wp.static(names[i] == "light"):
-                p[i] = parts.light
+            p[i] = scattering.pdf_solid_angle
+            if wp.static(names[i] == "uniform"):
+                p[i] = 0.5 * INV_PI
+            if wp.static(names[i] == "cosine"):
+                p[i] = cos_theta * INV_PI
+            if wp.static(names[i] == "diffuse"):
+                if s.p_diffuse > 0.0:
+                    p[i] = cos_theta * INV_PI
+            if wp.static(names[i] == "specular"):
+                if s.p_specular + s.p_coat > 0.0:
+                    p[i] = scattering.pdf_specular / (s.p_specular + s.p_coat)
         return p
 
-    return SimpleNamespace(choose=choose, sample=sample, densities=densities, vec_s=vec_s, count=count)
+    @wp.func
+    def completed(at_vertex: vec_s, r: Receiver, finite: float, infinite: float) -> vec_s:
+        """`finite` and `infinite`: density times importance of the lights on the ray (RayLight, mesh lights added)."""
+        p = at_vertex
+        for i in range(wp.static(count)):
+            if total_of(r, i) > 0.0:
+                if wp.static(names[i] == "light"):
+                    p[i] = (finite + infinite) / r.total
+                if wp.static(names[i] == "area"):
+                    p[i] = finite / r.finite
+                if wp.static(names[i] == "dome"):
+                    p[i] = infinite / r.infinite
+        return p
+
+    return SimpleNamespace(
+        is_shared=is_shared,
+        choose=choose,
+        drawn_by=drawn_by,
+        sample=sample,
+        vertex_densities=vertex_densities,
+        completed=completed,
+        vec_s=vec_s,
+        count=count,
+        bsdf=names.index("bsdf") if "bsdf" in names else -1,
+        light=names.index("light") if "light" in names else -1,
+    )

@@ -9,8 +9,13 @@ from warpmis.features import Features
 from warpmis.kernels import rng
 from warpmis.kernels.camera import camera_ray_direction
 from warpmis.kernels.frame import luminance
-from warpmis.kernels.moments import make_moments
+from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
+
+# What a round is learned from. A round from which nothing is learned has moments too: they tell how good its shares are.
+LEARN_NOTHING = wp.constant(0)
+LEARN_ALL = wp.constant(1)
+LEARN_DIRECT = wp.constant(2)
 
 
 @wp.func
@@ -36,7 +41,9 @@ def make_trace(features: Features) -> wp.Kernel:
     Li = path.Li
     vec_s = path.strategies.vec_s
     count = path.strategies.count
-    moments = make_moments(count)
+    layout = Layout(count if count > 1 else 0, features.statistics)
+    moments = make_moments(layout)
+    learns = layout.size > 0
     vec_k = moments.vec_k
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -48,6 +55,7 @@ def make_trace(features: Features) -> wp.Kernel:
         samples: int,
         seed: wp.uint32,
         max_depth: int,
+        stratified: int,
         allocation: wp.array(dtype=vec_s),
         learn: int,
         film: FilmView,
@@ -68,14 +76,19 @@ def make_trace(features: Features) -> wp.Kernel:
         alpha = wp.float64(0.0)
         hits = int(0)
         rays = wp.int64(0)
+        shadow_rays = wp.int64(0)
         rejected = int(0)
         sums = vec_k()
         for k in range(samples):
             key.sample = wp.uint32(first_sample + k)
             u = rng.uniform4(key, rng.CAMERA)
             direction = camera_ray_direction(camera, pixel, u[0], u[1])
-            sample = Li(scene, camera.position, direction, key, a, max_depth)
+            u_strategy = u[2]
+            if stratified != 0:
+                u_strategy = rng.golden_ratio(key)
+            sample = Li(scene, camera.position, direction, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
+            shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
             y = wp.float64(luminance(radiance))
             if not wp.isfinite(y):
@@ -88,9 +101,20 @@ def make_trace(features: Features) -> wp.Kernel:
             depth += wp.float64(sample.distance * wp.dot(direction, camera.forward))
             alpha += wp.float64(sample.alpha)
             hits += sample.hit
-            if wp.static(count > 0):
-                if learn != 0:
-                    sums = moments.add(sums, sample.mixed, sample.q)
+            if wp.static(learns):
+                sums = moments.add(sums, wp.where(learn == LEARN_DIRECT, sample.direct, sample.mixed), sample.q)
+                if wp.static(len(features.statistics) > 0):
+                    if learn != LEARN_NOTHING:
+                        cost = float(sample.rays) + SHADOW_RAY_COST * float(sample.shadow_rays)
+                        if wp.static(path.paired):
+                            indirect = sample.mixed - sample.light - sample.direct
+                            s_bsdf = sample.q[wp.static(path.strategies.bsdf)]
+                            sums = moments.add_pair(
+                                sums, sample.light, sample.light_share, sample.direct, indirect, s_bsdf, cost
+                            )
+                        else:
+                            early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
+                            sums = moments.add_statistics(sums, sample.mixed, early, cost - early, sample.q, a)
         film.color[pixel] = film.color[pixel] + color
         accepted = film.accepted[pixel]
         film.luminance[pixel] = merged(film.luminance[pixel], accepted, lum, samples - rejected)
@@ -102,8 +126,8 @@ def make_trace(features: Features) -> wp.Kernel:
         film.accepted[pixel] = accepted + samples - rejected
         film.rejected[pixel] = film.rejected[pixel] + rejected
         film.rays[pixel] = film.rays[pixel] + rays
-        if wp.static(count > 0):
-            if learn != 0:
-                moment_sums[pixel] = moment_sums[pixel] + sums
+        film.shadow_rays[pixel] = film.shadow_rays[pixel] + shadow_rays
+        if wp.static(learns):
+            moment_sums[pixel] = moment_sums[pixel] + sums
 
     return trace

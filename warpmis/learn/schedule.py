@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from warpmis.config import RenderConfig
 
-LEARNING_METHODS = ("murray20",)
-
 
 @dataclass(frozen=True)
 class Round:
@@ -22,7 +20,7 @@ def schedule(config: RenderConfig) -> tuple[Round, ...]:
     """The learn rounds, then everything that the budget leaves in one round; every sample enters the image."""
     rounds = []
     spent = 0
-    if config.method in LEARNING_METHODS:
+    if config.how.learns:
         spp = config.learn_spp()
         for _ in range(config.learn_rounds()):
             rounds.append(Round(spent, spp, learn=True))

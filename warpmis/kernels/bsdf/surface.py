@@ -49,10 +49,12 @@ class Surface:
 
 @wp.struct
 class Scattering:
-    """f_cos: BSDF times cosine, per colour; pdf_solid_angle: density of sample_surface for that direction."""
+    """f_cos: BSDF times cosine, per colour; pdf_solid_angle: density of `sample` for that direction, of which
+    pdf_specular is the part of the specular and coat lobes."""
 
     f_cos: wp.vec3
     pdf_solid_angle: float
+    pdf_specular: float
 
 
 def make_surface(features: Features) -> SimpleNamespace:
@@ -114,7 +116,7 @@ def make_surface(features: Features) -> SimpleNamespace:
                     h = wp.normalize(s.wo + wi)
                     pdf = pdf_reflected(s.wo, h, s.alpha)
                     e.f_cos += schlick(s.specular_f0, wp.dot(s.wo, h)) * (pdf * smith_g1(wi, s.alpha))
-                    e.pdf_solid_angle += s.p_specular * pdf
+                    e.pdf_specular += s.p_specular * pdf
             if wp.static(features.clearcoat):
                 if s.coat > 0.0:
                     e.f_cos = e.f_cos * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
@@ -123,7 +125,8 @@ def make_surface(features: Features) -> SimpleNamespace:
                         pdf = pdf_reflected(s.wo, h, s.coat_alpha)
                         fresnel = s.coat * schlick_scalar(s.coat_f0, wp.dot(s.wo, h))
                         e.f_cos += ONE * (fresnel * pdf * smith_g1(wi, s.coat_alpha))
-                        e.pdf_solid_angle += s.p_coat * pdf
+                        e.pdf_specular += s.p_coat * pdf
+            e.pdf_solid_angle += e.pdf_specular
         return e
 
     @wp.func

@@ -32,14 +32,20 @@ SHADOW_END = wp.constant(0.9999)
 
 @wp.struct
 class Receiver:
-    """The point that asks for light, with what normalises the choice among the lights seen from it.
+    """The point that asks for light, with a light chosen for it and what normalises that choice.
 
-    total is the sum of all lights' importances; 0 where no light can be seen. A single light needs no choice.
+    total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0 where
+    none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice: its
+    importance counts as 1.
     """
 
     x: wp.vec3
     n: wp.vec3
     total: float
+    finite: float
+    infinite: float
+    chosen: int
+    chosen_importance: float
 
 
 @wp.struct
@@ -47,38 +53,58 @@ class RayLight:
     """The light that a ray meets, mesh lights left out (they are surfaces).
 
     radiance: sum over the analytic lights and the dome seen along the ray; weighted: the same with each light's MIS
-    weight against the density given; pdf_solid_angle: density of the light strategy for the ray's direction, counting
-    also lights hidden behind the surface that the ray hits; hits: number of analytic lights seen.
+    weight against the density given; hits: number of analytic lights seen. finite, infinite: sums of density times
+    importance for the ray's direction, over the lights at a distance and at infinity, counting also those hidden
+    behind the surface that the ray hits.
     """
 
     radiance: wp.vec3
     weighted: wp.vec3
-    pdf_solid_angle: float
+    finite: float
+    infinite: float
     hits: int
 
 
 def make_lights(features: Features) -> SimpleNamespace:
-    """Light functions for the kinds in `features`: receiver, sample, hit, gather."""
+    """Light functions for the kinds in `features`: receiver, importance, sample, sample_range, hit, gather."""
 
     @wp.func
-    def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3) -> Receiver:
+    def density(of_light: float, total: float) -> float:
+        """Density among lights whose importances sum to `total`, from density times importance."""
+        if total <= 0.0:
+            return 0.0
+        return of_light / total
+
+    @wp.func
+    def importance(scene: SceneView, light: LightView, r: Receiver) -> float:
+        if scene.light_count == 1:
+            return 1.0
+        return light_importance(light, r.x, r.n)
+
+    @wp.func
+    def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, u: float) -> Receiver:
+        """Choose a light with u, in one pass over them all (a reservoir of one, u made uniform again at each)."""
         r = Receiver()
         r.x = x
         r.n = n
-        if scene.light_count == 1:
-            r.total = 1.0
-            return r
+        r.chosen = -1
+        left = u
         for i in range(scene.light_count):
-            r.total += light_importance(scene.lights[i], x, n)
+            of_light = importance(scene, scene.lights[i], r)
+            if of_light > 0.0:
+                r.total += of_light
+                if i < scene.finite_light_count:
+                    r.finite += of_light
+                else:
+                    r.infinite += of_light
+                p = of_light / r.total
+                if left < p:
+                    left = left / p
+                    r.chosen = i
+                    r.chosen_importance = of_light
+                else:
+                    left = (left - p) / (1.0 - p)
         return r
-
-    @wp.func
-    def choice_probability(scene: SceneView, light: LightView, r: Receiver) -> float:
-        if scene.light_count == 1:
-            return 1.0
-        if r.total <= 0.0:
-            return 0.0
-        return light_importance(light, r.x, r.n) / r.total
 
     @wp.func
     def sample_light(scene: SceneView, light: LightView, r: Receiver, u: wp.vec4) -> LightSample:
@@ -112,26 +138,32 @@ def make_lights(features: Features) -> SimpleNamespace:
 
     @wp.func
     def sample(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
-        """Choose a light by importance with u[0], then a direction towards it; the density holds both choices."""
-        if scene.light_count == 1:
-            return sample_light(scene, scene.lights[0], r, u)
-        target = u[0] * r.total
+        """A direction towards the receiver's light; the density holds its choice. u[0] made that choice."""
+        s = LightSample()
+        if r.chosen >= 0:
+            s = sample_light(scene, scene.lights[r.chosen], r, u)
+            s.pdf_solid_angle = s.pdf_solid_angle * r.chosen_importance / r.total
+        return s
+
+    @wp.func
+    def sample_range(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: wp.vec4) -> LightSample:
+        """The same among the lights first to end - 1, whose importances sum to `total`."""
+        target = u[0] * total
         chosen = int(-1)
-        importance = float(0.0)
         reached = float(0.0)
-        for i in range(scene.light_count):
-            of_light = light_importance(scene.lights[i], r.x, r.n)
+        for i in range(first, end):
+            of_light = importance(scene, scene.lights[i], r)
             # The last light with any importance stays chosen if rounding lets the sum fall short of the target.
             if of_light > 0.0:
                 chosen = i
-                importance = of_light
                 reached += of_light
                 if reached > target:
                     break
         s = LightSample()
         if chosen >= 0:
-            s = sample_light(scene, scene.lights[chosen], r, u)
-            s.pdf_solid_angle = s.pdf_solid_angle * importance / r.total
+            light = scene.lights[chosen]
+            s = sample_light(scene, light, r, u)
+            s.pdf_solid_angle = s.pdf_solid_angle * importance(scene, light, r) / total
         return s
 
     @wp.func
@@ -158,7 +190,7 @@ def make_lights(features: Features) -> SimpleNamespace:
 
     @wp.func
     def pdf_emitter_triangles(scene: SceneView, r: Receiver, wi: wp.vec3) -> float:
-        """Density of the mesh lights' samplers for wi: every emissive triangle on the line counts, hidden or not."""
+        """Density times importance of the mesh lights for wi: every triangle on the line counts, hidden or not."""
         pdf = float(0.0)
         if scene.emitter_bvh == wp.uint64(0):
             return pdf
@@ -169,7 +201,7 @@ def make_lights(features: Features) -> SimpleNamespace:
             light = scene.lights[scene.triangles[triangle].light]
             h = hit_emitter_triangle(scene, light, triangle, r.x, wi)
             if h.distance > 0.0:
-                pdf += h.pdf_solid_angle * choice_probability(scene, light, r)
+                pdf += h.pdf_solid_angle * importance(scene, light, r)
         return pdf
 
     @wp.func
@@ -195,20 +227,25 @@ def make_lights(features: Features) -> SimpleNamespace:
                     h.distance = INFINITE_DISTANCE
                     h.pdf_solid_angle = pdf_dome_constant(r.n, wi)
             if h.distance > 0.0:
-                of_light = h.pdf_solid_angle * choice_probability(scene, light, r)
-                ray.pdf_solid_angle += of_light
+                of_light = h.pdf_solid_angle * importance(scene, light, r)
+                if i < scene.finite_light_count:
+                    ray.finite += of_light
+                else:
+                    ray.infinite += of_light
                 # A light flush with a surface shines: hence the tolerance, the same as the shadow ray's.
                 if h.distance * SHADOW_END <= far and h.distance * SHADOW_END > near:
                     ray.radiance += radiance
-                    ray.weighted += radiance * balance_weight(pdf, of_light)
+                    ray.weighted += radiance * balance_weight(pdf, density(of_light, r.total))
                     if h.distance < INFINITE_DISTANCE:
                         ray.hits += 1
         return ray
 
     return SimpleNamespace(
         receiver=receiver,
-        choice_probability=choice_probability,
+        importance=importance,
+        density=density,
         sample=sample,
+        sample_range=sample_range,
         sample_light=sample_light,
         hit=hit,
         gather=gather,

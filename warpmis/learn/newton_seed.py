@@ -4,29 +4,34 @@ With the last share eliminated, a_S = 1 - sum of the others, and r_s = q_s - q_S
 
     gradient_s = -E[F^2 r_s],    Hessian_st = 2 E[F^2 r_s r_t],    a <- a - Hessian^-1 gradient
 
-The factor 2 matters: without it the iteration oscillates about the optimum for ever. The step is then projected onto
-the shares of at least `min_share`, so that every kind of path stays explored: for two strategies that is the clamp to
-[0.1, 0.9] of the paper.
+The factor 2 matters: without it the iteration oscillates about the optimum for ever. The sum of all shares but the last
+is then clamped to [low, high], by a common factor, as published: for two strategies that is a clamp of the first share,
+for more it keeps the last strategy explored and the others together. LEAST is ours: Newton's step may leave a share
+negative, and a share of 0 could never grow again.
 
-Reference: Murray et al. (2020), equations 5 and 10; moments as in kernels/moments.py.
+Reference: Murray et al. (2020), equations 5 and 10 and section 4; moments as in kernels/moments.py.
 """
 
 from functools import cache
 
 import warp as wp
 
-from warpmis.kernels.moments import moment_count
+from warpmis.kernels.moments import Layout
 
 # Keeps the system solvable where two strategies have nearly equal densities; relative to the Hessian's trace.
 RIDGE = 1e-6
 
+# Smallest share of any strategy.
+LEAST = 0.01
+
 
 @cache
-def make_newton(count: int) -> wp.Kernel:
-    """The solver kernel for `count` >= 2 strategies: (moments, allocation, min_share) -> allocation in place."""
+def make_newton_seed(layout: Layout) -> wp.Kernel:
+    """Solver kernel for two strategies or more: (first, moments, allocation, low, high) -> allocation in place."""
+    count = layout.strategies
     unknowns = count - 1
     vec_s = wp.types.vector(length=count, dtype=wp.float32)
-    vec_k = wp.types.vector(length=moment_count(count), dtype=wp.float64)
+    vec_k = layout.vec
     vec_n = wp.types.vector(length=unknowns, dtype=wp.float64)
     mat_n = wp.types.matrix(shape=(unknowns, unknowns), dtype=wp.float64)
 
@@ -56,31 +61,24 @@ def make_newton(count: int) -> wp.Kernel:
         return x
 
     @wp.func
-    def projected(a: vec_s, min_share: float) -> vec_s:
-        """Closest point with every share at least min_share and sum 1.
-
-        Reference: Michelot (1986), by fixing at the bound whatever falls under it until nothing does.
-        """
-        free = vec_s(1.0)
-        for _pass in range(wp.static(count)):
-            excess = float(-1.0)
-            number = float(0.0)
-            for s in range(wp.static(count)):
-                excess += wp.where(free[s] > 0.0, a[s], min_share)
-                number += free[s]
-            shift = excess / wp.max(number, 1.0)
-            for s in range(wp.static(count)):
-                if free[s] > 0.0:
-                    a[s] = a[s] - shift
-            for s in range(wp.static(count)):
-                if a[s] < min_share:
-                    a[s] = min_share
-                    free[s] = 0.0
+    def clamped(a: vec_s, low: float, high: float) -> vec_s:
+        total = float(0.0)
+        for s in range(wp.static(unknowns)):
+            a[s] = wp.max(a[s], wp.static(LEAST))
+            total += a[s]
+        factor = wp.clamp(total, low, high) / total
+        rest = float(1.0)
+        for s in range(wp.static(unknowns)):
+            a[s] = a[s] * factor
+            rest -= a[s]
+        a[wp.static(count - 1)] = rest
         return a
 
     @wp.kernel(module="unique", enable_backward=False)
-    def newton(moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), min_share: float):
-        pixel = wp.tid()
+    def newton_seed(
+        first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), low: float, high: float
+    ):
+        pixel = first + wp.tid()
         sums = moments[pixel]
         a = allocation[pixel]
         second_moment = wp.float64(0.0)
@@ -89,7 +87,7 @@ def make_newton(count: int) -> wp.Kernel:
         # No light was found, or it is out of range: nothing is known, the allocation stays.
         if not (second_moment > wp.float64(0.0)) or not wp.isfinite(second_moment):
             return
-        sums = sums / second_moment
+        sums = sums / second_moment  # so that no product overflows or vanishes
         last = wp.static(count - 1)
         descent = vec_n()
         hessian = mat_n()
@@ -106,12 +104,8 @@ def make_newton(count: int) -> wp.Kernel:
         for s in range(wp.static(unknowns)):
             hessian[s, s] = hessian[s, s] + wp.float64(wp.static(RIDGE / unknowns)) * trace
         step = solve(hessian, descent)
-        moved = vec_s()
-        rest = float(1.0)
         for s in range(wp.static(unknowns)):
-            moved[s] = a[s] + wp.clamp(float(step[s]), -2.0, 2.0)
-            rest -= moved[s]
-        moved[last] = rest
-        allocation[pixel] = projected(moved, min_share)
+            a[s] = a[s] + wp.clamp(float(step[s]), -2.0, 2.0)
+        allocation[pixel] = clamped(a, low, high)
 
-    return newton
+    return newton_seed

@@ -1,0 +1,116 @@
+"""The methods by name: how each shares the samples of a pixel among the strategies, and what it learns from.
+
+References: Veach (1997), balance heuristic; Kajiya (1986), next-event estimation; Lu, Pacanowski, Granier (2013);
+Sbert, Havran, Szirmay-Kalos (2019); Murray, Benzait, Pacanowski, Granier (2020).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """One way to find an allocation.
+
+    Attributes:
+        summary: what it does, for --help.
+        solver: what turns moments into an allocation, a module of learn/; "" where nothing is learned.
+        direct_only: the moments are of the light that comes straight from the lights, as before Murray et al.
+        two_strategies: published for two strategies alone.
+        min_share, max_share: bounds of a share for two strategies; learn/ says what becomes of them for more.
+        rounds: number of learn rounds where the method fixes it.
+        keeps: the moments of all rounds are used, not those of the last one alone.
+        pool_radius: the moments of pixels so far to each side are pooled; 0 is the pixel's own.
+        cost_aware: variance x cost is minimised, not variance alone.
+        next_event: learning begins with next-event estimation, and a pixel goes on with it where no mixture promises
+            less variance x cost.
+        learn_share: share of the budget that is spent on learning unless the caller says otherwise.
+        max_rounds: most learn rounds that the budget may be divided into.
+    """
+
+    summary: str
+    solver: str = ""
+    direct_only: bool = False
+    two_strategies: bool = False
+    min_share: float = 0.1
+    max_share: float = 0.9
+    rounds: int | None = None
+    keeps: bool = False
+    pool_radius: int = 0
+    cost_aware: bool = False
+    next_event: bool = False
+    learn_share: float = 0.5
+    max_rounds: int = 8
+
+    @property
+    def learns(self) -> bool:
+        return bool(self.solver)
+
+    @property
+    def statistics(self) -> tuple[str, ...]:
+        """What the trace kernel adds up beside the moments (kernels/moments.py)."""
+        wanted = {
+            "mean": self.solver in ("newton_simplex", "candidates"),
+            "posterior": self.solver == "expectation",
+            "candidates": self.solver == "candidates",
+            "cost": self.solver == "newton_simplex" and self.cost_aware,
+            "pair": self.next_event,
+        }
+        return tuple(name for name, on in wanted.items() if on)
+
+
+METHODS: dict[str, Method] = {
+    "bsdf": Method(summary="BSDF sampling alone"),
+    "balance": Method(summary="equal shares"),
+    "nee": Method(summary="one light and one BSDF sample at every vertex"),
+    "fixed": Method(summary="the shares given by --allocation"),
+    "lpg13": Method(
+        summary="direct light only, one Newton step from equal shares",
+        solver="newton_share",
+        direct_only=True,
+        two_strategies=True,
+        min_share=0.25,
+        max_share=0.75,
+        rounds=1,
+    ),
+    "sbert19": Method(
+        summary="direct light only, Newton steps", solver="newton_share", direct_only=True, two_strategies=True
+    ),
+    "murray20": Method(summary="all light, Newton steps, as published", solver="newton_seed"),
+    "accumulated": Method(
+        summary="the best of nine shares by the samples of all rounds",
+        solver="candidates",
+        two_strategies=True,
+        keeps=True,
+    ),
+    "kl-em": Method(summary="expectation maximisation on the samples of all rounds", solver="expectation", keeps=True),
+    "pooled": Method(
+        summary="Newton on the samples of neighbouring pixels",
+        solver="newton_simplex",
+        keeps=True,
+        pool_radius=6,
+        learn_share=0.125,
+        max_rounds=4,
+    ),
+    "cost-aware": Method(
+        summary="pooled, minimising variance x cost",
+        solver="newton_simplex",
+        keeps=True,
+        pool_radius=6,
+        cost_aware=True,
+        learn_share=0.125,
+        max_rounds=4,
+    ),
+    "auto": Method(
+        summary="the best of nine shares and nee by variance x cost, pooled",
+        solver="candidates",
+        two_strategies=True,
+        keeps=True,
+        pool_radius=6,
+        cost_aware=True,
+        next_event=True,
+        learn_share=0.125,
+        max_rounds=1,
+    ),
+}
