@@ -15,6 +15,20 @@ MESH = 6
 DELTA_POINT = 0
 DELTA_DISTANT = 1
 
+# How texels are stored: as float32, as bytes, or as bytes of which the colours are sRGB encoded.
+FLOATS = 0
+BYTES = 1
+SRGB_BYTES = 2
+
+# Wrap modes of texture coordinates.
+BLACK = 0
+CLAMP = 1
+REPEAT = 2
+MIRRORED = 3
+
+# What LookupView.channel means beside 0 to 3 for red, green, blue and alpha.
+RGB = -1
+
 
 @wp.struct
 class TriangleView:
@@ -34,7 +48,8 @@ class MaterialView:
     """A material with its workflow resolved: what the lobes need, no more.
 
     specular_f0 is the reflectance at normal incidence (0 with `has_specular` 0: no lobe at all); alpha is
-    roughness squared.
+    roughness squared. inputs: row of SceneView.inputs where some input varies over the surface (the fields here are
+    then of the inputs' means), or -1.
     """
 
     diffuse: wp.vec3
@@ -48,6 +63,64 @@ class MaterialView:
     opacity: float
     presence: int
     double_sided: int
+    inputs: int
+
+
+@wp.struct
+class InputsView:
+    """UsdPreviewSurface's inputs before its workflow is resolved: a constant each, and where the input varies the row
+    of SceneView.lookups that gives it, else -1."""
+
+    diffuse: wp.vec3
+    emissive: wp.vec3
+    specular: wp.vec3
+    metallic: float
+    roughness: float
+    coat: float
+    coat_roughness: float
+    opacity: float
+    opacity_threshold: float
+    use_specular_workflow: int
+    diffuse_lookup: int
+    emissive_lookup: int
+    specular_lookup: int
+    metallic_lookup: int
+    roughness_lookup: int
+    coat_lookup: int
+    coat_roughness_lookup: int
+    opacity_lookup: int
+    normal_lookup: int
+
+
+@wp.struct
+class LookupView:
+    """One lookup of a material's input. column: of SceneView.primvars, where its texture coordinates begin or, with
+    tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up; tile: the first
+    of its rows in SceneView.tiles, udim_rows * 10 of them, or one where udim_rows is 0."""
+
+    column: int
+    tile: int
+    udim_rows: int
+    row_s: wp.vec3
+    row_t: wp.vec3
+    wrap_s: int
+    wrap_t: int
+    channel: int
+    scale: wp.vec4
+    bias: wp.vec4
+    fallback: wp.vec4
+
+
+@wp.struct
+class TileView:
+    """A picture's texels: in SceneView.bytes or SceneView.floats (as `encoding` says) from `first` on, row by row from
+    the top, `channels` values each; rows is 0 where a UDIM picture has no tile."""
+
+    encoding: int
+    first: int
+    rows: int
+    columns: int
+    channels: int
 
 
 @wp.struct
@@ -106,7 +179,9 @@ class DomeView:
 
 @wp.struct
 class SceneView:
-    """The whole scene. emitter_cdf: per triangle of a mesh light the cumulative share of the light's area."""
+    """The whole scene. emitter_cdf: per triangle of a mesh light the cumulative share of the light's area; primvars:
+    per triangle and corner what its material's lookups read; byte_values: linear values of the bytes, plain in the
+    first 256, of sRGB in the second."""
 
     mesh: wp.uint64
     points: wp.array(dtype=wp.vec3)
@@ -114,6 +189,13 @@ class SceneView:
     normals: wp.array(dtype=wp.vec3)
     triangles: wp.array(dtype=TriangleView)
     materials: wp.array(dtype=MaterialView)
+    inputs: wp.array(dtype=InputsView)
+    lookups: wp.array(dtype=LookupView)
+    tiles: wp.array(dtype=TileView)
+    bytes: wp.array(dtype=wp.uint8)
+    floats: wp.array(dtype=float)
+    byte_values: wp.array(dtype=float)
+    primvars: wp.array3d(dtype=float)
     lights: wp.array(dtype=LightView)
     light_count: int
     delta_lights: wp.array(dtype=DeltaLightView)
