@@ -10,6 +10,7 @@ The instances are flattened: every triangle stands in world space.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,10 +108,10 @@ class Material:
 
         Where inputs are lookups, a mean over their texels: 0 if and only if the material emits nowhere.
         """
-        constant = self.mean()
+        constant: Any = self.mean()
         share = constant.opacity if constant.opacity_mode == "presence" else 1.0
-        red, green, blue = constant.emissive_color  # type: ignore[misc]
-        return (share * red, share * green, share * blue)  # type: ignore[operator]
+        red, green, blue = constant.emissive_color
+        return (share * red, share * green, share * blue)
 
 
 COLOR_INPUTS = ("diffuse_color", "emissive_color", "specular_color")

@@ -139,8 +139,8 @@ def upload_materials(view: SceneView, tables: MaterialTables) -> None:
     view.floats = wp.array(np.concatenate([np.zeros(0, np.float32), *tables.float_texels]), dtype=float)
 
 
-def material_view(material: Material, double_sided: int, inputs: int) -> MaterialView:
-    """Resolve the workflow of constant inputs, as kernels/material.py does of others.
+def material_view(material: Any, double_sided: int, inputs: int) -> MaterialView:
+    """Resolve the workflow of a Material of constant inputs, as kernels/material.py does of others.
 
     Reference: UsdPreviewSurface specification, "Specular and metallic workflows".
     """

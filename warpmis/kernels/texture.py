@@ -16,9 +16,7 @@ UDIM_COLUMNS = wp.constant(10)
 def interpolated(scene: SceneView, triangle: int, column: int, u: float, v: float) -> float:
     """A column of the primvars at a hit; u weighs the first corner, v the second."""
     p = scene.primvars
-    return (
-        p[triangle, 0, column] * u + p[triangle, 1, column] * v + p[triangle, 2, column] * (1.0 - u - v)
-    )
+    return p[triangle, 0, column] * u + p[triangle, 1, column] * v + p[triangle, 2, column] * (1.0 - u - v)
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""Pictures to linear Rec.709: EXR through OpenEXR, everything else through OpenImageIO.
+"""Pictures as they are stored, or as linear Rec.709: EXR through OpenEXR, everything else through OpenImageIO.
 
 Files are opened by USD's asset resolver, so that a picture inside a usdz package is found too.
 """
@@ -19,6 +19,7 @@ from pxr import Ar
 Float32Array = NDArray[np.float32]
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
+EXR_CHANNELS = ("RGBA", "RGB", "YA", "Y")
 
 
 class PictureError(ValueError):
@@ -34,11 +35,24 @@ def read_picture(resolved_path: str) -> Float32Array:
     Raises:
         PictureError: the file is missing, damaged or of an unknown format.
     """
+    pixels = read_texels(resolved_path)
+    return _as_rgb(srgb_to_linear((pixels / 255.0).astype(np.float32)) if pixels.dtype == np.uint8 else pixels)
+
+
+def read_texels(resolved_path: str) -> NDArray[Any]:
+    """Decodes the first picture of a file as it is stored, shape (rows, columns, 1 to 4 channels), row 0 on top.
+
+    Returns:
+        uint8 for 8-bit pictures; else float32, integers as a share of their largest. No alpha is multiplied in.
+
+    Raises:
+        PictureError: the file is missing, damaged or of an unknown format.
+    """
     data = _asset_bytes(resolved_path)
     pixels = _decode_exr(data) if data[:4] == EXR_MAGIC else _decode_other(data, Path(resolved_path).suffix or ".img")
     if pixels.ndim != 3 or 0 in pixels.shape:
         raise PictureError(f"{resolved_path} holds no pixels")
-    return _as_rgb(pixels)
+    return np.ascontiguousarray(pixels[..., :4])
 
 
 def srgb_to_linear(value: Float32Array) -> Float32Array:
@@ -57,7 +71,10 @@ def _asset_bytes(resolved_path: str) -> bytes:
     if not asset:
         raise PictureError(f"{resolved_path} cannot be opened")
     with asset:
-        return bytes(asset.GetBuffer())
+        buffer = asset.GetBuffer()
+        if not buffer:
+            raise PictureError(f"{resolved_path} is empty")
+        return bytes(buffer)
 
 
 def _decode_exr(data: bytes) -> Float32Array:
@@ -69,13 +86,13 @@ def _decode_exr(data: bytes) -> Float32Array:
         planes = {name.rsplit(".", 1)[-1]: channel.pixels for name, channel in reversed(channels.items())}
     except Exception as error:  # the binding raises RuntimeError, TypeError and others for damaged files
         raise PictureError(f"EXR cannot be decoded: {' '.join(str(error).split())}") from None
-    names = "RGB" if set("RGB") <= set(planes) else "Y" if "Y" in planes else ""
+    names = next((names for names in EXR_CHANNELS if set(names) <= set(planes)), "")
     if not names:
         raise PictureError(f"EXR has neither R, G, B nor Y, only {', '.join(channels)}")
     return np.stack([planes[name] for name in names], axis=-1).astype(np.float32)
 
 
-def _decode_other(data: bytes, suffix: str) -> Float32Array:
+def _decode_other(data: bytes, suffix: str) -> NDArray[Any]:
     """Any format that OpenImageIO knows; its Python binding reads files only, so the bytes pass through one."""
     import OpenImageIO
 
@@ -83,11 +100,13 @@ def _decode_other(data: bytes, suffix: str) -> Float32Array:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
-        picture = OpenImageIO.ImageInput.open(name)
+        unaltered = OpenImageIO.ImageSpec()
+        unaltered["oiio:UnassociatedAlpha"] = 1
+        picture = OpenImageIO.ImageInput.open(name, unaltered)
         if picture is None:
             raise PictureError(_reason(OpenImageIO.geterror()))
-        pixels = picture.read_image("float")
         eight_bit = str(picture.spec().format) == "uint8"
+        pixels = picture.read_image("uint8" if eight_bit else "float")
         reason = picture.geterror()
         picture.close()
     finally:
@@ -95,8 +114,7 @@ def _decode_other(data: bytes, suffix: str) -> Float32Array:
             os.unlink(name)
     if pixels is None:
         raise PictureError(_reason(reason))
-    pixels = np.atleast_3d(np.asarray(pixels, np.float32))
-    return srgb_to_linear(pixels) if eight_bit else pixels
+    return np.atleast_3d(np.asarray(pixels, np.uint8 if eight_bit else np.float32))
 
 
 def _reason(message: Any) -> str:

@@ -34,11 +34,11 @@ def read_mesh(prim: Any, reading: Reading) -> Surface | None:
         normals = _vertex_normals(polygons, left_handed), polygons.indices[corners]
     triangles = polygons.indices[corners]
     if left_handed:
-        triangles = triangles[:, ::-1]
+        triangles, corners = triangles[:, ::-1], corners[:, ::-1]
         normals = normals and (normals[0], normals[1][:, ::-1])
     if normals is None:
-        return flat_surface(polygons.points, triangles, faces)
-    return Surface(polygons.points, triangles, faces, *normals)
+        return flat_surface(polygons.points, triangles, faces, corners)
+    return Surface(polygons.points, triangles, faces, *normals, corners)
 
 
 def _read_polygons(mesh: Any, reading: Reading) -> Polygons:

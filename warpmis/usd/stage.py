@@ -14,7 +14,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSkel
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import read_camera, world_bounds
-from warpmis.usd.geometry import GeometryBuilder, Surface
+from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.material import MaterialReader
@@ -103,7 +103,7 @@ def _read_scene(reading: Reading, camera: str | None, width: int | None, render_
         purposes = ", ".join(sorted(reading.purposes))
         raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}", name)
     used = np.unique(geometry.materials)
-    emissive = any(max(materials[index].emissive_color) > 0.0 for index in used)
+    emissive = any(max(materials[index].mean_emission) > 0.0 for index in used)
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
@@ -156,8 +156,8 @@ class StageContents:
         if surface is None or not len(surface.triangles):
             return
         double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
-        materials = self.materials.of_triangles(prim, surface.faces)
-        self._place(Prim(str(prim.GetPath()), double_sided), surface, materials, placement.matrices)
+        shading = self.materials.of_surface(prim, surface)
+        self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices)
 
     def _surface(self, prim: Any) -> Surface | None:
         """The gprim's triangles; those of a native instance are read once for all instances."""
@@ -168,8 +168,8 @@ class StageContents:
             self.surfaces[source] = read_surface(prim, self.reading)
         return self.surfaces[source]
 
-    def _place(self, prim: Prim, surface: Surface, materials: NDArray[np.int64], matrices: NDArray[np.float64]) -> None:
-        left_out = self.geometry.add(prim, surface, materials, matrices)
+    def _place(self, prim: Prim, surface: Surface, shading: Shading, matrices: NDArray[np.float64]) -> None:
+        left_out = self.geometry.add(prim, surface, shading, matrices)
         if left_out:
             which = f"{left_out} of its instances are" if len(matrices) > 1 else "it is"
             self.reading.warn(prim.path, f"{which} left out: the points lie too far from the origin")
@@ -182,8 +182,9 @@ class StageContents:
         self.light_prims += 1
         for light in read_light(prim, placement.matrices, self.reading):
             if isinstance(light, EmissiveSurface):
-                materials = np.full(len(light.surface.triangles), self.materials.index(light.material))
-                self._place(Prim(light.material.path), light.surface, materials, light.matrix[None])
+                count, index = len(light.surface.triangles), self.materials.index(light.material)
+                shading = Shading(np.full(count, index), np.zeros((count, 3, 0), np.float32))
+                self._place(Prim(light.material.path), light.surface, shading, light.matrix[None])
             else:
                 self.lights.append(light)
 

@@ -1,0 +1,500 @@
+"""Textures: what a texel becomes on its way to a material's input."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO
+import pytest
+from pxr import UsdUtils
+from usd.points import seen_at
+from usd.stages import load, mentions
+
+from warpmis import features
+from warpmis.scene import Scene
+from warpmis.texture import TextureLookup
+from warpmis.usd import load_stage
+from warpmis.usd.image import srgb_to_linear
+
+# 2 x 2 texels of different grey, row 0 on top: the lower left one is 0.6.
+GREYS = np.array([[0.2, 0.4], [0.6, 0.8]])
+# The texels' centres in the order of GREYS, as points of the unit square.
+CENTRES = [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)]
+
+
+def write(path: Path, pixels: np.ndarray, kind: str = "float") -> Path:
+    """A picture file; pixels shape (rows, columns, channels) in [0, 1], stored as `kind`."""
+    rows, columns, channels = pixels.shape
+    spec = OpenImageIO.ImageSpec(columns, rows, channels, kind)
+    spec["oiio:UnassociatedAlpha"] = 1
+    spec["compression"] = "none" if path.suffix != ".jpg" else "jpeg:100"
+    output = OpenImageIO.ImageOutput.create(str(path))
+    assert output.open(str(path), spec), OpenImageIO.geterror()
+    assert output.write_image(np.ascontiguousarray(pixels, np.float32)), output.geterror()
+    output.close()
+    return path
+
+
+def grey(tmp_path: Path, values: np.ndarray = GREYS) -> Path:
+    return write(tmp_path / "grey.exr", np.repeat(values[..., None], 3, axis=-1))
+
+
+def stage(
+    file: Path | str,
+    *,
+    inputs: str = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>",
+    texture: str = "",
+    st: str = "[(0, 0), (1, 0), (1, 1), (0, 1)]",
+    st_source: str = "</M/R.outputs:result>",
+    more: str = "",
+    mesh: str = "",
+) -> str:
+    """A unit square in the xy plane, seen from +Z, with one texture; st is x and y unless given."""
+    return f"""def Mesh "Q" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+{{
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    texCoord2f[] primvars:st = {st} ( interpolation = "faceVarying" )
+    rel material:binding = </M>
+    {mesh}
+}}
+def Material "M"
+{{
+    token outputs:surface.connect = </M/S.outputs:surface>
+    def Shader "S"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        {inputs}
+        token outputs:surface
+    }}
+    def Shader "T"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{file}@
+        float2 inputs:st.connect = {st_source}
+        {texture}
+        float3 outputs:rgb
+        float outputs:r
+        float outputs:g
+        float outputs:b
+        float outputs:a
+    }}
+    def Shader "R"
+    {{
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }}
+    {more}
+}}
+"""
+
+
+def diffuse(scene: Scene, xy) -> np.ndarray:
+    return seen_at(scene, xy)["diffuse"]
+
+
+def test_st_origin_is_the_pictures_lower_left_corner(tmp_path):
+    scene = load(stage(grey(tmp_path)))
+    assert scene.warnings == ()
+    np.testing.assert_allclose(diffuse(scene, CENTRES)[:, 0], GREYS.ravel(), atol=1e-6)
+    np.testing.assert_allclose(diffuse(scene, [(0.5, 0.5)]), [[0.5] * 3], atol=1e-6)  # bilinear: the mean of the four
+    np.testing.assert_allclose(diffuse(scene, [(0.4, 0.25)])[0, 0], 0.6 * 0.7 + 0.8 * 0.3, atol=1e-6)
+
+
+def test_a_mesh_that_is_left_handed_or_mirrored_has_its_picture_in_the_same_places(tmp_path):
+    text = stage(grey(tmp_path), mesh='uniform token orientation = "leftHanded"')
+    np.testing.assert_allclose(diffuse(load(text), CENTRES)[:, 0], GREYS.ravel(), atol=1e-6)
+    mirror = 'double3 xformOp:scale = (-1, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]'
+    mirrored = diffuse(load(stage(grey(tmp_path), mesh=mirror)), [(-x, y) for x, y in CENTRES])
+    np.testing.assert_allclose(mirrored[:, 0], GREYS.ravel(), atol=1e-6)
+
+
+# st runs from -1 to 2: the picture itself is the middle third of the square.
+WRAPS = {
+    "black": [0.0, 0.0, 0.2, 0.4, 0.0, 0.0],
+    "clamp": [0.2, 0.2, 0.2, 0.4, 0.4, 0.4],
+    "repeat": [0.2, 0.4, 0.2, 0.4, 0.2, 0.4],
+    "mirror": [0.4, 0.2, 0.2, 0.4, 0.4, 0.2],
+    "useMetadata": [0.0, 0.0, 0.2, 0.4, 0.0, 0.0],
+}
+SIXTHS = (np.arange(6) + 0.5) / 6
+
+
+@pytest.mark.parametrize("mode", WRAPS)
+@pytest.mark.parametrize("axis", ["S", "T"])
+def test_wrap_mode_of_each_axis(tmp_path, mode, axis):
+    row = np.array([[0.2, 0.4]])
+    picture = row if axis == "S" else row.T[::-1]
+    st = "[(-1, 0.5), (2, 0.5), (2, 0.5), (-1, 0.5)]" if axis == "S" else "[(0.5, -1), (0.5, -1), (0.5, 2), (0.5, 2)]"
+    other = "T" if axis == "S" else "S"
+    wrap = f'token inputs:wrap{axis} = "{mode}"\ntoken inputs:wrap{other} = "clamp"'
+    scene = load(stage(grey(tmp_path, picture), texture=wrap, st=st))
+    xy = [(x, 0.5) if axis == "S" else (0.5, x) for x in SIXTHS]
+    np.testing.assert_allclose(diffuse(scene, xy)[:, 0], WRAPS[mode], atol=1e-5)
+
+
+def test_wrap_mode_holds_between_the_outermost_texels_too(tmp_path):
+    """On the picture's left edge the neighbour is black, the same, the one on the right, or the same."""
+    expected = {"black": 0.1, "clamp": 0.2, "repeat": 0.3, "mirror": 0.2}
+    for mode, value in expected.items():
+        text = stage(
+            grey(tmp_path, np.array([[0.2, 0.4]])),
+            texture=f'token inputs:wrapS = "{mode}"\ntoken inputs:wrapT = "clamp"',
+            st="[(-0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (-0.5, 0.5)]",
+        )
+        assert diffuse(load(text), [(0.5, 0.5)])[0, 0] == pytest.approx(value, abs=1e-5), mode
+
+
+DECODED = {0.5: 0.21404, 0.2: 0.03310}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "channels", "space", "is_srgb"),
+    [
+        ("png", "uint8", 3, "auto", True),
+        ("png", "uint8", 4, "auto", True),
+        ("png", "uint8", 1, "auto", False),
+        ("png", "uint8", 2, "auto", False),
+        ("png", "uint8", 3, "raw", False),
+        ("png", "uint8", 1, "sRGB", True),
+        ("png", "uint16", 3, "auto", False),
+        ("png", "uint16", 3, "sRGB", True),
+        ("tga", "uint8", 3, "auto", True),
+        ("tga", "uint8", 4, "auto", True),
+        ("jpg", "uint8", 3, "auto", True),
+        ("jpg", "uint8", 1, "auto", False),
+        ("tif", "uint16", 4, "auto", False),
+        ("tif", "float", 3, "auto", False),
+        ("exr", "half", 4, "auto", False),
+        ("exr", "float", 3, "sRGB", True),
+        ("hdr", "float", 3, "auto", False),
+    ],
+)
+def test_color_space_by_format_and_channels(tmp_path, suffix, kind, channels, space, is_srgb):
+    color = {1: [0.5], 2: [0.5, 0.2], 3: [0.5, 0.5, 0.2], 4: [0.5, 0.5, 0.2, 0.2]}[channels]
+    picture = np.broadcast_to(np.array(color), (8, 8, channels))
+    inputs = """color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>
+    float inputs:roughness.connect = </M/T.outputs:a>
+    """
+    wrap = 'token inputs:wrapS = "repeat"\ntoken inputs:wrapT = "repeat"'
+    text = stage(
+        write(tmp_path / f"p.{suffix}", picture, kind),
+        texture=f'token inputs:sourceColorSpace = "{space}"\n{wrap}',
+        inputs=inputs,
+    )
+    scene = load(text)
+    assert scene.warnings == ()
+    seen = seen_at(scene, [(0.5, 0.5)])
+    blue = 0.2 if channels >= 3 else 0.5
+    expected = [DECODED[value] if is_srgb else value for value in (0.5, 0.5, blue)]
+    tolerance = 0.02 if suffix == "jpg" else 0.005
+    np.testing.assert_allclose(seen["diffuse"][0], expected, atol=tolerance)
+    alpha = 0.2 if channels in (2, 4) else 1.0  # never sRGB, never multiplied in
+    np.testing.assert_allclose(seen["alpha"][0], alpha**2, atol=0.005)
+
+
+def test_bytes_are_decoded_before_they_are_interpolated(tmp_path):
+    picture = np.array([[[0.0] * 3, [1.0] * 3]])
+    scene = load(stage(write(tmp_path / "p.png", picture, "uint8"), texture='token inputs:wrapT = "clamp"'))
+    np.testing.assert_allclose(diffuse(scene, [(0.5, 0.5)]), [[0.5] * 3], atol=1e-5)
+    assert srgb_to_linear(np.float32(0.5)) == pytest.approx(0.214, abs=1e-3)
+
+
+def test_scale_and_bias_and_the_range_of_the_input(tmp_path):
+    adjust = "float4 inputs:scale = (2, 1, 1, 1)\nfloat4 inputs:bias = (-0.5, 0.125, -0.75, 0)"
+    scene = load(stage(grey(tmp_path), texture=adjust))
+    expected = [np.clip([2 * g - 0.5, g + 0.125, g - 0.75], 0, 1) for g in GREYS.ravel()]
+    np.testing.assert_allclose(diffuse(scene, CENTRES), expected, atol=1e-6)
+
+
+def test_transform_2d_scales_then_rotates_then_translates(tmp_path):
+    """By (1, 2), 90 degrees and (1, 0): (s, t) is looked up at (1 - 2 t, s)."""
+    more = """def Shader "X"
+    {
+        uniform token info:id = "UsdTransform2d"
+        float2 inputs:in.connect = </M/R.outputs:result>
+        float2 inputs:scale = (1, 2)
+        float inputs:rotation = 90
+        float2 inputs:translation = (1, 0)
+        float2 outputs:result
+    }
+"""
+    scene = load(stage(grey(tmp_path), st_source="</M/X.outputs:result>", more=more))
+    assert scene.warnings == ()
+    points = [(0.25, 0.375), (0.75, 0.375), (0.25, 0.125), (0.75, 0.125)]
+    # looked up at (0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)
+    np.testing.assert_allclose(diffuse(scene, points)[:, 0], [0.6, 0.2, 0.8, 0.4], atol=1e-5)
+
+
+def test_each_output_is_its_channel(tmp_path):
+    picture = np.broadcast_to(np.array([0.1, 0.3, 0.5, 0.7]), (2, 2, 4))
+    names = {"metallic": "r", "roughness": "g", "clearcoatRoughness": "b", "clearcoat": "a"}
+    inputs = "\n".join(f"float inputs:{name}.connect = </M/T.outputs:{c}>" for name, c in names.items())
+    scene = load(stage(write(tmp_path / "p.tif", picture), inputs=inputs))
+    (material,) = scene.materials
+    assert (material.metallic.channels, material.clearcoat.channels) == ("r", "a")
+    seen = seen_at(scene, [(0.5, 0.5)])
+    np.testing.assert_allclose(seen["alpha"], 0.3**2, rtol=1e-5)
+    np.testing.assert_allclose(seen["coat_alpha"], 0.5**2, rtol=1e-5)
+    np.testing.assert_allclose(seen["coat"], 0.7, rtol=1e-5)
+    np.testing.assert_allclose(seen["specular_f0"], 0.04 * 0.9 + 0.18 * 0.1, rtol=1e-5)
+    np.testing.assert_allclose(seen["diffuse"], 0.18 * 0.9, rtol=1e-5)
+
+
+def test_specular_workflow_and_emission_take_colors(tmp_path):
+    picture = np.broadcast_to(np.array([0.25, 0.5, 4.0]), (1, 1, 3))
+    inputs = """int inputs:useSpecularWorkflow = 1
+    color3f inputs:specularColor.connect = </M/T.outputs:rgb>
+    color3f inputs:emissiveColor.connect = </M/T.outputs:rgb>
+    color3f inputs:diffuseColor.connect = </M/T.outputs:g>
+    """
+    wrap = 'token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"'
+    scene = load(stage(write(tmp_path / "p.tif", picture), inputs=inputs, texture=wrap))
+    seen = seen_at(scene, [(0.3, 0.4)])
+    np.testing.assert_allclose(seen["specular_f0"], [[0.25, 0.5, 1.0]])
+    np.testing.assert_allclose(seen["emission"], [[0.25, 0.5, 4.0]])
+    np.testing.assert_allclose(seen["diffuse"], [[0.5, 0.5, 0.5]])
+    assert features.is_emissive(scene.materials[0])
+
+
+def test_udim_tiles_stand_beside_and_above_each_other_and_a_missing_one_is_the_fallback(tmp_path):
+    for number, value in {1001: 0.1, 1002: 0.2, 1011: 0.3}.items():
+        write(tmp_path / f"p.{number}.png", np.full((2, 2, 3), value), "uint8")
+    settings = 'token inputs:sourceColorSpace = "raw"\nfloat4 inputs:fallback = (0.9, 0, 0, 1)'
+    scene = load(stage(tmp_path / "p.<UDIM>.png", texture=settings, st="[(0, 0), (2, 0), (2, 2), (0, 2)]"))
+    assert scene.warnings == ()
+    found = diffuse(scene, [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75), (0.49, 0.49)])
+    np.testing.assert_allclose(found[:, 0], [0.1, 0.2, 0.3, 0.9, 0.1], atol=0.003)
+
+
+def test_opacity_threshold_cuts_out_where_the_texture_is_below(tmp_path):
+    inputs = "float inputs:opacity.connect = </M/T.outputs:r>\nfloat inputs:opacityThreshold = 0.5"
+    scene = load(stage(grey(tmp_path), inputs=inputs))
+    np.testing.assert_array_equal(seen_at(scene, CENTRES)["opacity"], [0, 0, 1, 1])
+    assert features.detect(scene).opacity
+    assert scene.materials[0].opacity_mode == "presence"
+
+
+def test_an_alpha_of_1_everywhere_is_no_transparency(tmp_path):
+    picture = np.random.default_rng(0).random((4, 4, 4))
+    picture[..., 3] = 1.0
+    wrap = 'token inputs:wrapS = "repeat"\ntoken inputs:wrapT = "repeat"'
+    inputs = "float inputs:opacity.connect = </M/T.outputs:a>"
+    scene = load(stage(write(tmp_path / "p.png", picture, "uint8"), inputs=inputs, texture=wrap))
+    assert scene.materials[0].opacity == 1.0
+    assert not features.detect(scene).opacity
+
+
+NORMAL = "normal3f inputs:normal.connect = </M/T.outputs:rgb>"
+NORMAL_SETTINGS = """float4 inputs:scale = (2, 2, 2, 1)
+float4 inputs:bias = (-1, -1, -1, 0)
+token inputs:sourceColorSpace = "raw"
+token inputs:wrapS = "clamp"
+token inputs:wrapT = "clamp"
+"""
+TILT = np.radians(20.0)
+
+
+@pytest.mark.parametrize(
+    ("st", "toward"),
+    [
+        ("[(0, 0), (1, 0), (1, 1), (0, 1)]", [1, 0]),  # s along +x
+        ("[(0, 0), (0, 3), (-3, 3), (-3, 0)]", [0, -1]),  # s along -y: turned and scaled
+        ("[(1, 0), (0, 0), (0, 1), (1, 1)]", [-1, 0]),  # s along -x: mirrored
+    ],
+)
+@pytest.mark.parametrize("from_behind", [False, True])
+def test_normal_map_tilts_the_normal_towards_growing_s(tmp_path, st, toward, from_behind):
+    direction = np.array([np.sin(TILT), 0.0, np.cos(TILT)])
+    picture = np.broadcast_to(0.5 + 0.5 * direction, (2, 2, 3))
+    file = write(tmp_path / "n.png", picture, "uint16")
+    scene = load(stage(file, inputs=NORMAL, texture=NORMAL_SETTINGS, st=st))
+    assert scene.warnings == ()
+    assert features.detect(scene).normal_maps
+    side = -1.0 if from_behind else 1.0
+    found = seen_at(scene, [(0.3, 0.6)], wi=(0.0, 0.0, -side))["normal"]
+    expected = side * np.array([*(np.sin(TILT) * np.array(toward)), np.cos(TILT)])
+    np.testing.assert_allclose(found[0], expected, atol=1e-4)
+
+
+def test_normal_maps_y_is_towards_growing_t(tmp_path):
+    picture = np.broadcast_to(0.5 + 0.5 * np.array([0.0, np.sin(TILT), np.cos(TILT)]), (2, 2, 3))
+    scene = load(stage(write(tmp_path / "n.png", picture, "uint16"), inputs=NORMAL, texture=NORMAL_SETTINGS))
+    np.testing.assert_allclose(seen_at(scene, [(0.3, 0.6)])["normal"], [[0, np.sin(TILT), np.cos(TILT)]], atol=1e-4)
+
+
+def test_texture_in_a_usdz_package(tmp_path):
+    write(tmp_path / "p.png", np.repeat(GREYS[..., None], 3, axis=-1), "uint8")
+    (tmp_path / "s.usda").write_text("#usda 1.0\n" + stage("p.png", texture='token inputs:sourceColorSpace = "raw"'))
+    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "s.usda"), str(tmp_path / "s.usdz"))
+    (tmp_path / "p.png").unlink()
+    scene = load_stage(tmp_path / "s.usdz")
+    assert scene.warnings == ()
+    np.testing.assert_allclose(diffuse(scene, CENTRES)[:, 0], GREYS.ravel(), atol=0.003)
+
+
+def test_one_picture_of_two_materials_is_decoded_and_stored_once(tmp_path):
+    text = stage(write(tmp_path / "p.png", np.full((2, 2, 3), 0.5), "uint8"))
+    scene = load(text + text.replace("/M", "/N").replace('"M"', '"N"').replace('"Q"', '"P"'))
+    first, second = (material.diffuse_color for material in scene.materials)
+    assert isinstance(first, TextureLookup)
+    assert first.texture is second.texture
+
+
+def test_missing_primvar_is_the_readers_fallback_with_a_warning(tmp_path):
+    text = stage(grey(tmp_path)).replace("primvars:st =", "primvars:uv =")
+    text = text.replace(
+        'string inputs:varname = "st"', 'string inputs:varname = "st"\nfloat2 inputs:fallback = (0.75, 0.25)'
+    )
+    scene = load(text)
+    np.testing.assert_allclose(diffuse(scene, CENTRES)[:, 0], 0.8, atol=1e-6)
+    assert mentions(scene, "/Q", "primvars:st", "lacks")
+    assert len(scene.warnings) == 1
+
+
+BROKEN_ST = {
+    "too few": ("[(0, 0), (1, 0)]", "4 are needed"),
+    "another type": ("[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]", "wrong type"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_ST)
+def test_broken_coordinates_are_left_out_with_a_warning(tmp_path, case):
+    st, words = BROKEN_ST[case]
+    text = stage(grey(tmp_path), st=st)
+    if case == "another type":
+        text = text.replace("texCoord2f[]", "float3[]")
+    scene = load(text)
+    assert mentions(scene, "/Q", words)
+    assert np.isfinite(diffuse(scene, CENTRES)).all()
+
+
+def test_coordinates_that_are_not_finite_and_huge_ones_give_no_nan(tmp_path):
+    for wrap in ("black", "clamp", "repeat", "mirror"):
+        modes = f'token inputs:wrapS = "{wrap}"\ntoken inputs:wrapT = "{wrap}"'
+        scene = load(stage(grey(tmp_path), texture=modes, st="[(nan, inf), (1e30, -1e30), (1, 1), (0, 3e38)]"))
+        found = diffuse(scene, [*CENTRES, (0.9, 0.1), (0.5, 0.5)])
+        assert np.isfinite(found).all()
+        assert (found >= 0).all()
+
+
+def test_texels_that_are_not_finite_are_black_with_a_warning(tmp_path):
+    values = GREYS.copy()
+    values[1, 0] = np.nan
+    scene = load(stage(grey(tmp_path, values)))
+    np.testing.assert_allclose(diffuse(scene, CENTRES)[:, 0], [0.2, 0.4, 0.0, 0.8], atol=1e-6)
+    assert mentions(scene, "1 texels", "not finite")
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n broken", b"no picture at all"])
+def test_damaged_picture_is_the_fallback_with_one_warning(tmp_path, content):
+    (tmp_path / "p.png").write_bytes(content)
+    scene = load(stage(tmp_path / "p.png", texture="float4 inputs:fallback = (0.25, 0.5, 0.75, 1)"))
+    assert scene.materials[0].diffuse_color == (0.25, 0.5, 0.75)
+    assert len(scene.warnings) == 1
+    assert mentions(scene, "/M/T", "p.png", "fallback")
+
+
+def test_display_color_is_interpolated_over_the_triangles():
+    for interpolation in ("vertex", "varying", "faceVarying"):
+        colors = f'[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)] ( interpolation = "{interpolation}" )'
+        opacities = f'[0, 1, 1, 0] ( interpolation = "{interpolation}" )'
+        text = f"""def Mesh "Q"
+{{
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    color3f[] primvars:displayColor = {colors}
+    float[] primvars:displayOpacity = {opacities}
+}}
+"""
+        scene = load(text)
+        assert scene.warnings == ()
+        assert scene.materials[0].lambertian
+        xy = np.random.default_rng(0).random((20, 2))
+        seen = seen_at(scene, xy)
+        np.testing.assert_allclose(seen["diffuse"], np.column_stack([xy, np.zeros(20)]), atol=1e-5)
+        np.testing.assert_allclose(seen["opacity"], xy[:, 0], atol=1e-5)
+
+
+def test_uniform_display_color_is_a_color_a_face():
+    text = """def Mesh "Q"
+{
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4, 4]
+    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+    color3f[] primvars:displayColor = [(1, 0, 0), (0, 0.5, 1)] ( interpolation = "uniform" )
+    int[] primvars:displayColor:indices = [1, 0]
+}
+"""
+    found = diffuse(load(text), [(0.2, 0.7), (0.8, 0.1), (1.2, 0.7), (1.8, 0.1)])
+    np.testing.assert_allclose(found, [[0, 0.5, 1], [0, 0.5, 1], [1, 0, 0], [1, 0, 0]], atol=1e-6)
+
+
+def test_primvar_reader_gives_a_color_and_a_number(tmp_path):
+    readers = """def Shader "C"
+    {
+        uniform token info:id = "UsdPrimvarReader_float3"
+        string inputs:varname = "tint"
+        float3 outputs:result
+    }
+    def Shader "F"
+    {
+        uniform token info:id = "UsdPrimvarReader_float"
+        string inputs:varname = "worn"
+        float outputs:result
+    }
+"""
+    inputs = """color3f inputs:diffuseColor.connect = </M/C.outputs:result>
+    float inputs:roughness.connect = </M/F.outputs:result>
+    """
+    primvars = """color3f[] primvars:tint = [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)] ( interpolation = "vertex" )
+    float[] primvars:worn = [0.5] ( interpolation = "constant" )
+    """
+    scene = load(stage(grey(tmp_path), inputs=inputs, more=readers, mesh=primvars))
+    assert scene.warnings == ()
+    seen = seen_at(scene, [(0.25, 0.5), (0.75, 0.125)])
+    np.testing.assert_allclose(seen["diffuse"], [[0.25, 0.5, 1], [0.75, 0.125, 1]], atol=1e-6)
+    np.testing.assert_allclose(seen["alpha"], 0.25, atol=1e-6)
+
+
+def test_subsets_read_their_own_coordinates(tmp_path):
+    """Two materials of one mesh read different primvars: each triangle carries those of its own."""
+    text = """def Mesh "Q" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+{
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4, 4]
+    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+    texCoord2f[] primvars:st = [(0.25, 0.25)] ( interpolation = "constant" )
+    texCoord2f[] primvars:uv = [(0.75, 0.75)] ( interpolation = "constant" )
+    rel material:binding = </M>
+    def GeomSubset "Right" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {
+        uniform token familyName = "materialBind"
+        int[] indices = [1]
+        rel material:binding = </N>
+    }
+}
+"""
+    own = stage(grey(tmp_path))
+    own = own[own.index("def Material") :]
+    other = own.replace("/M", "/N").replace('"M"', '"N"').replace('varname = "st"', 'varname = "uv"')
+    found = diffuse(load(text + own + other), [(0.5, 0.5), (1.5, 0.5)])
+    np.testing.assert_allclose(found[:, 0], [0.6, 0.4], atol=1e-6)
+
+
+def test_mean_of_lookups_is_what_lights_are_chosen_by(tmp_path):
+    inputs = "color3f inputs:emissiveColor.connect = </M/T.outputs:rgb>"
+    wrap = 'token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"'
+    scene = load(stage(grey(tmp_path), inputs=inputs, texture=wrap))
+    np.testing.assert_allclose(scene.materials[0].mean_emission, [0.5] * 3, atol=1e-6)
+    dark = dataclasses.replace(scene.materials[0].emissive_color, scale=(0.0,) * 4)
+    assert not features.is_emissive(dataclasses.replace(scene.materials[0], emissive_color=dark))
