@@ -34,7 +34,7 @@ def look(
 
 
 def seen_at(scene: Scene, xy: Any, wi: tuple[float, float, float] = (0.0, 0.0, -1.0)) -> dict[str, NDArray[Any]]:
-    """MaterialView's fields and the shading `normal` where rays along `wi` meet z = 0 in points (x, y), shape (n, 2)."""
+    """MaterialView's fields and the shading `normal` where rays along `wi` meet z = 0 in (x, y), shape (n, 2)."""
     targets = np.column_stack([np.asarray(xy, np.float64).reshape(-1, 2), np.zeros(np.asarray(xy).size // 2)])
     uploaded = upload(scene, "cpu")
     found = wp.zeros(len(targets), dtype=MaterialView, device="cpu")

@@ -198,6 +198,25 @@ def test_color_space_by_format_and_channels(tmp_path, suffix, kind, channels, sp
     np.testing.assert_allclose(seen["alpha"][0], alpha**2, atol=0.005)
 
 
+def test_auto_takes_a_files_own_word_that_it_is_srgb(tmp_path):
+    for word, expected in ((1, DECODED[0.5]), (65535, 0.5)):
+        spec = OpenImageIO.ImageSpec(2, 2, 3, "uint16")
+        spec["Exif:ColorSpace"] = word
+        output = OpenImageIO.ImageOutput.create(str(tmp_path / f"{word}.tif"))
+        assert output.open(str(tmp_path / f"{word}.tif"), spec)
+        assert output.write_image(np.full((2, 2, 3), 0.5, np.float32))
+        output.close()
+        np.testing.assert_allclose(diffuse(load(stage(tmp_path / f"{word}.tif")), [(0.5, 0.5)]), expected, atol=1e-3)
+
+
+def test_texture_without_connected_coordinates_is_looked_up_in_one_point_with_a_warning(tmp_path):
+    """Hydra's picture too: with the default wrap mode three quarters of what (0, 0) sees are beyond the picture."""
+    text = stage(grey(tmp_path)).replace("float2 inputs:st.connect = </M/R.outputs:result>", "")
+    scene = load(text)
+    np.testing.assert_allclose(diffuse(scene, CENTRES)[:, 0], 0.6 / 4, atol=1e-6)
+    assert mentions(scene, "/M/T", "st is not connected")
+
+
 def test_bytes_are_decoded_before_they_are_interpolated(tmp_path):
     picture = np.array([[[0.0] * 3, [1.0] * 3]])
     scene = load(stage(write(tmp_path / "p.png", picture, "uint8"), texture='token inputs:wrapT = "clamp"'))

@@ -9,6 +9,7 @@ import contextlib
 import io
 import os
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,20 @@ Float32Array = NDArray[np.float32]
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 EXR_CHANNELS = ("RGBA", "RGB", "YA", "Y")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture as it is stored.
+
+    Attributes:
+        pixels: shape (rows, columns, 1 to 4 channels), row 0 on top: uint8 for 8-bit pictures; else float32, integers
+            as a share of their largest. No alpha is multiplied in.
+        says_srgb: whether the file's own metadata (ICC profile, EXIF) name sRGB.
+    """
+
+    pixels: NDArray[Any]
+    says_srgb: bool = False
 
 
 class PictureError(ValueError):
@@ -35,24 +50,22 @@ def read_picture(resolved_path: str) -> Float32Array:
     Raises:
         PictureError: the file is missing, damaged or of an unknown format.
     """
-    pixels = read_texels(resolved_path)
+    pixels = read_stored(resolved_path).pixels
     return _as_rgb(srgb_to_linear((pixels / 255.0).astype(np.float32)) if pixels.dtype == np.uint8 else pixels)
 
 
-def read_texels(resolved_path: str) -> NDArray[Any]:
-    """Decodes the first picture of a file as it is stored, shape (rows, columns, 1 to 4 channels), row 0 on top.
-
-    Returns:
-        uint8 for 8-bit pictures; else float32, integers as a share of their largest. No alpha is multiplied in.
+def read_stored(resolved_path: str) -> Picture:
+    """Decodes the first picture of a file.
 
     Raises:
         PictureError: the file is missing, damaged or of an unknown format.
     """
     data = _asset_bytes(resolved_path)
-    pixels = _decode_exr(data) if data[:4] == EXR_MAGIC else _decode_other(data, Path(resolved_path).suffix or ".img")
-    if pixels.ndim != 3 or 0 in pixels.shape:
+    suffix = Path(resolved_path).suffix or ".img"
+    picture = Picture(_decode_exr(data)) if data[:4] == EXR_MAGIC else _decode_other(data, suffix)
+    if picture.pixels.ndim != 3 or 0 in picture.pixels.shape:
         raise PictureError(f"{resolved_path} holds no pixels")
-    return np.ascontiguousarray(pixels[..., :4])
+    return picture
 
 
 def srgb_to_linear(value: Float32Array) -> Float32Array:
@@ -92,7 +105,7 @@ def _decode_exr(data: bytes) -> Float32Array:
     return np.stack([planes[name] for name in names], axis=-1).astype(np.float32)
 
 
-def _decode_other(data: bytes, suffix: str) -> NDArray[Any]:
+def _decode_other(data: bytes, suffix: str) -> Picture:
     """Any format that OpenImageIO knows; its Python binding reads files only, so the bytes pass through one."""
     import OpenImageIO
 
@@ -105,7 +118,10 @@ def _decode_other(data: bytes, suffix: str) -> NDArray[Any]:
         picture = OpenImageIO.ImageInput.open(name, unaltered)
         if picture is None:
             raise PictureError(_reason(OpenImageIO.geterror()))
-        eight_bit = str(picture.spec().format) == "uint8"
+        spec = picture.spec()
+        eight_bit = str(spec.format) == "uint8"
+        profile = str(spec.getattribute("ICCProfile:profile_description") or "")
+        says_srgb = profile.startswith("sRGB") or spec.getattribute("Exif:ColorSpace") == 1
         pixels = picture.read_image("uint8" if eight_bit else "float")
         reason = picture.geterror()
         picture.close()
@@ -114,7 +130,8 @@ def _decode_other(data: bytes, suffix: str) -> NDArray[Any]:
             os.unlink(name)
     if pixels is None:
         raise PictureError(_reason(reason))
-    return np.atleast_3d(np.asarray(pixels, np.uint8 if eight_bit else np.float32))
+    pixels = np.atleast_3d(np.asarray(pixels, np.uint8 if eight_bit else np.float32))
+    return Picture(np.ascontiguousarray(pixels[..., :4]), says_srgb)
 
 
 def _reason(message: Any) -> str:

@@ -121,6 +121,8 @@ class ShadingNetwork:
             self.reading.warn(node.GetPath(), f"inputs:{name} is connected to {kind}; (0, 0) is used")
             return self.columns.column(PrimvarRead("", (0.0, 0.0))), IDENTITY
         constant = self._vector(node, name, 2, (0.0, 0.0))
+        shown = f"({constant[0]:g}, {constant[1]:g})"
+        self.reading.warn(node.GetPath(), f"inputs:{name} is not connected; every point is looked up at {shown}")
         return self.columns.column(PrimvarRead("", constant)), IDENTITY
 
     def _transform(self, node: Any, before: Transform) -> Transform:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pxr import UsdShade
 
 from warpmis.texture import FIRST_TILE, Texture
-from warpmis.usd.image import PictureError, read_texels, srgb_to_linear
+from warpmis.usd.image import Picture, PictureError, read_stored, srgb_to_linear
 from warpmis.usd.reading import Reading
 
 # Texels are indexed with int32 on the device, bytes and floats apart.
@@ -22,13 +22,13 @@ class TextureReader:
     """Reads the textures of one stage.
 
     Attributes:
-        pixels: decoded pictures by resolved path; None for one that cannot be read.
+        pictures: decoded files by resolved path; None for one that cannot be read.
         textures: by the paths of their tiles and their colour space.
         stored: how many values the pictures hold so far, by type.
     """
 
     reading: Reading
-    pixels: dict[str, NDArray[Any] | None] = field(default_factory=dict)
+    pictures: dict[str, Picture | None] = field(default_factory=dict)
     textures: dict[Any, Texture | None] = field(default_factory=dict)
     stored: dict[str, int] = field(default_factory=dict)
 
@@ -36,7 +36,8 @@ class TextureReader:
         """The texture of an asset attribute; None, with a warning, where no picture of it can be read.
 
         Args:
-            color_space: UsdUVTexture's sourceColorSpace; "auto" is sRGB for bytes of three or four channels.
+            color_space: UsdUVTexture's sourceColorSpace; "auto" is sRGB where the file says so, and for bytes of three
+                or four channels.
         """
         paths = self._tile_paths(attribute)
         key = (tuple(sorted(paths.items())), color_space)
@@ -59,30 +60,30 @@ class TextureReader:
         return {int(number): str(path) for path, number in found}
 
     def _texture(self, attribute: Any, paths: dict[int, str], color_space: str) -> Texture | None:
-        read = {number: self._read_pixels(attribute.GetPath(), path) for number, path in paths.items()}
-        tiles = {number: pixels for number, pixels in read.items() if pixels is not None}
-        if not tiles:
+        read = {number: self._picture(attribute.GetPath(), path) for number, path in paths.items()}
+        pictures = {number: picture for number, picture in read.items() if picture is not None}
+        if not pictures:
             return None
-        is_srgb = color_space == "sRGB" or (
-            color_space == "auto" and all(p.dtype == np.uint8 and p.shape[-1] >= 3 for p in tiles.values())
-        )
+        is_srgb = color_space == "sRGB" or (color_space == "auto" and all(map(_is_srgb, pictures.values())))
+        tiles = {number: picture.pixels for number, picture in pictures.items()}
         if is_srgb:
             tiles = {number: _linear_floats(pixels) for number, pixels in tiles.items()}
         is_udim = UsdShade.UdimUtils.IsUdimIdentifier(self.reading.get(attribute).path)
         return Texture(tiles, is_srgb, is_udim)
 
-    def _read_pixels(self, prim_path: Any, path: str) -> NDArray[Any] | None:
-        if path not in self.pixels:
-            self.pixels[path] = self._decoded(prim_path, path)
-        return self.pixels[path]
+    def _picture(self, prim_path: Any, path: str) -> Picture | None:
+        if path not in self.pictures:
+            self.pictures[path] = self._decoded(prim_path, path)
+        return self.pictures[path]
 
-    def _decoded(self, prim_path: Any, path: str) -> NDArray[Any] | None:
+    def _decoded(self, prim_path: Any, path: str) -> Picture | None:
         try:
-            pixels = read_texels(path)
+            picture = read_stored(path)
         except PictureError as error:
             reason = str(error) if path in str(error) else f"{path}: {error}"
             self.reading.warn(prim_path, f"the texture cannot be read: {reason}; its fallback is used")
             return None
+        pixels = picture.pixels
         invalid = ~np.isfinite(pixels).all(axis=-1) if pixels.dtype == np.float32 else np.zeros(1, bool)
         if invalid.any():
             self.reading.warn(prim_path, f"{invalid.sum()} texels of {path} are not finite; they are black")
@@ -93,7 +94,12 @@ class TextureReader:
             self.reading.warn(prim_path, f"{path} is left out: the stage's textures have too many texels")
             self.stored[kind] -= pixels.size
             return None
-        return pixels
+        return Picture(pixels, picture.says_srgb)
+
+
+def _is_srgb(picture: Picture) -> bool:
+    """What sourceColorSpace "auto" finds."""
+    return picture.says_srgb or (picture.pixels.dtype == np.uint8 and picture.pixels.shape[-1] >= 3)
 
 
 def _linear_floats(pixels: NDArray[Any]) -> NDArray[Any]:
