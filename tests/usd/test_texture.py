@@ -9,6 +9,7 @@ import numpy as np
 import OpenImageIO
 import pytest
 from pxr import UsdUtils
+from usd.pictures import write
 from usd.points import seen_at
 from usd.stages import load, mentions
 
@@ -22,19 +23,6 @@ from warpmis.usd.image import srgb_to_linear
 GREYS = np.array([[0.2, 0.4], [0.6, 0.8]])
 # The texels' centres in the order of GREYS, as points of the unit square.
 CENTRES = [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)]
-
-
-def write(path: Path, pixels: np.ndarray, kind: str = "float") -> Path:
-    """A picture file; pixels shape (rows, columns, channels) in [0, 1], stored as `kind`."""
-    rows, columns, channels = pixels.shape
-    spec = OpenImageIO.ImageSpec(columns, rows, channels, kind)
-    spec["oiio:UnassociatedAlpha"] = 1
-    spec["compression"] = "none" if path.suffix != ".jpg" else "jpeg:100"
-    output = OpenImageIO.ImageOutput.create(str(path))
-    assert output.open(str(path), spec), OpenImageIO.geterror()
-    assert output.write_image(np.ascontiguousarray(pixels, np.float32)), output.geterror()
-    output.close()
-    return path
 
 
 def grey(tmp_path: Path, values: np.ndarray = GREYS) -> Path:
@@ -279,6 +267,46 @@ def test_specular_workflow_and_emission_take_colors(tmp_path):
     np.testing.assert_allclose(seen["emission"], [[0.25, 0.5, 4.0]])
     np.testing.assert_allclose(seen["diffuse"], [[0.5, 0.5, 0.5]])
     assert features.is_emissive(scene.materials[0])
+
+
+@pytest.mark.parametrize("workflow", ["int inputs:useSpecularWorkflow = 1", ""])
+def test_looked_up_inputs_resolve_as_constant_ones_do(tmp_path, workflow):
+    """Two programs resolve a material, the upload and the kernel: they must agree."""
+    values = {
+        "diffuseColor": (0.5, 0.25, 0.125),
+        "specularColor": (0.125, 0.25, 0.75),
+        "emissiveColor": (0.25, 0.5, 1.0),
+        "metallic": 0.375,
+        "roughness": 0.75,
+        "clearcoat": 0.625,
+        "clearcoatRoughness": 0.25,
+        "opacity": 0.875,
+    }
+    common = f'float inputs:ior = 1.8\ntoken inputs:opacityMode = "presence"\n{workflow}\n'
+    constant, varying, more = common, common, ""
+    for name, value in values.items():
+        kind, output = ("color3f", "rgb") if isinstance(value, tuple) else ("float", "r")
+        constant += f"{kind} inputs:{name} = {value}\n"
+        varying += f"{kind} inputs:{name}.connect = </M/{name}.outputs:{output}>\n"
+        # The second row differs, so that no lookup is folded to a constant.
+        rows = np.array([np.broadcast_to(value, 3), np.zeros(3)])[:, None]
+        more += f"""def Shader "{name}"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{write(tmp_path / f"{name}.exr", rows)}@
+        float2 inputs:st.connect = </M/R.outputs:result>
+        token inputs:wrapS = "clamp"
+        token inputs:wrapT = "clamp"
+        float3 outputs:rgb
+        float outputs:r
+    }}
+"""
+    file = grey(tmp_path)
+    top = [(0.5, 0.875)]
+    expected = seen_at(load(stage(file, inputs=constant)), top)
+    found = seen_at(load(stage(file, inputs=varying, more=more)), top)
+    for name in set(expected) - {"inputs"}:
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-5, err_msg=name)
 
 
 def test_udim_tiles_stand_beside_and_above_each_other_and_a_missing_one_is_the_fallback(tmp_path):
