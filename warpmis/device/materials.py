@@ -13,33 +13,43 @@ from warpmis.device.views import (
     BLACK,
     BYTES,
     CLAMP,
+    COAT,
+    COAT_ROUGHNESS,
+    DIFFUSE,
+    EMISSIVE,
     FLOATS,
+    METALLIC,
     MIRRORED,
+    NORMAL,
+    OPACITY,
     REPEAT,
     RGB,
+    ROUGHNESS,
+    SPECULAR,
     SRGB_BYTES,
     InputsView,
     LookupView,
     MaterialView,
     SceneView,
     TileView,
+    VaryingView,
 )
 from warpmis.scene import Material, Scene
-from warpmis.texture import FIRST_TILE, Lookup, PrimvarLookup, Texture, byte_values
+from warpmis.texture import FIRST_TILE, Lookup, PrimvarLookup, Texture, byte_values, channel_of
 
 WRAP_MODES = {"black": BLACK, "clamp": CLAMP, "repeat": REPEAT, "mirror": MIRRORED}
 UDIM_COLUMNS = 10
 
-# Field of scene.Material -> field of InputsView, whose lookup is the field `<name>_lookup`.
+# Field of scene.Material -> field of InputsView and the number by which a lookup knows it.
 INPUTS = {
-    "diffuse_color": "diffuse",
-    "emissive_color": "emissive",
-    "specular_color": "specular",
-    "metallic": "metallic",
-    "roughness": "roughness",
-    "clearcoat": "coat",
-    "clearcoat_roughness": "coat_roughness",
-    "opacity": "opacity",
+    "diffuse_color": ("diffuse", DIFFUSE),
+    "emissive_color": ("emissive", EMISSIVE),
+    "specular_color": ("specular", SPECULAR),
+    "metallic": ("metallic", METALLIC),
+    "roughness": ("roughness", ROUGHNESS),
+    "clearcoat": ("coat", COAT),
+    "clearcoat_roughness": ("coat_roughness", COAT_ROUGHNESS),
+    "opacity": ("opacity", OPACITY),
 }
 
 
@@ -48,8 +58,8 @@ class MaterialTables:
     """The materials of a scene, ready to upload; a picture's texels stand once, whoever looks them up.
 
     Attributes:
-        inputs, lookups, tiles: records; byte_texels, float_texels: the pictures in tiles, flat.
-        placed: first and encoding of each picture's texels that are in already, by the array's identity.
+        inputs, lookups, tiles: records; texels: the pictures in tiles, flat, `words` in all.
+        placed: first word of each picture that is in already, by the array's identity.
         first_tiles: first row in `tiles` of each texture, by its identity.
     """
 
@@ -57,8 +67,8 @@ class MaterialTables:
     inputs: list[InputsView] = field(default_factory=list)
     lookups: list[LookupView] = field(default_factory=list)
     tiles: list[TileView] = field(default_factory=list)
-    byte_texels: list[NDArray[np.uint8]] = field(default_factory=list)
-    float_texels: list[NDArray[np.float32]] = field(default_factory=list)
+    texels: list[NDArray[np.uint32]] = field(default_factory=list)
+    words: int = 0
     placed: dict[int, int] = field(default_factory=dict)
     first_tiles: dict[int, int] = field(default_factory=dict)
 
@@ -73,20 +83,26 @@ class MaterialTables:
     def _inputs(self, material: Material) -> InputsView:
         view = InputsView()
         constant = material.mean()
-        for name, attribute in INPUTS.items():
+        view.first_lookup = len(self.lookups)
+        for name, (attribute, number) in INPUTS.items():
             setattr(view, attribute, getattr(constant, name))
-            setattr(view, f"{attribute}_lookup", self._lookup(material.lookups.get(name)))
-        view.normal_lookup = self._lookup(material.normal)
+            if name in material.lookups:
+                self.lookups.append(self._lookup(material.lookups[name], number))
+        view.lookup_count = len(self.lookups) - view.first_lookup
+        view.normal_lookup = -1
+        if material.normal is not None:
+            view.normal_lookup = len(self.lookups)
+            self.lookups.append(self._lookup(material.normal, NORMAL))
         view.opacity_threshold = material.opacity_threshold
         view.use_specular_workflow = int(material.use_specular_workflow)
         return view
 
-    def _lookup(self, lookup: Lookup | None) -> int:
-        if lookup is None:
-            return -1
+    def _lookup(self, lookup: Lookup, number: int) -> LookupView:
         view = LookupView()
+        view.input = number
         view.column = lookup.column
         view.tile = -1
+        view.channel = RGB if number in (DIFFUSE, EMISSIVE, SPECULAR) else 0
         if not isinstance(lookup, PrimvarLookup):
             view.tile, view.udim_rows = self._tiles(lookup.texture)
             view.row_s, view.row_t = lookup.transform
@@ -94,8 +110,7 @@ class MaterialTables:
             view.wrap_t = CLAMP if lookup.texture.is_udim else WRAP_MODES[lookup.wrap_t]
             view.channel = RGB if lookup.channels == "rgb" else "rgba".index(lookup.channels)
             view.scale, view.bias, view.fallback = lookup.scale, lookup.bias, lookup.fallback
-        self.lookups.append(view)
-        return len(self.lookups) - 1
+        return view
 
     def _tiles(self, texture: Texture) -> tuple[int, int]:
         """First tile of a texture, and its rows of ten tiles, 0 for a picture that is no UDIM one."""
@@ -113,9 +128,9 @@ class MaterialTables:
         is_byte = pixels.dtype == np.uint8
         view.encoding = (SRGB_BYTES if is_srgb else BYTES) if is_byte else FLOATS
         if id(pixels) not in self.placed:
-            texels: list[Any] = self.byte_texels if is_byte else self.float_texels
-            self.placed[id(pixels)] = sum(len(flat) for flat in texels)
-            texels.append(pixels.ravel())
+            self.placed[id(pixels)] = self.words
+            self.texels.append(byte_words(pixels) if is_byte else pixels.ravel().view(np.uint32))
+            self.words += len(self.texels[-1])
         view.first = self.placed[id(pixels)]
         return view
 
@@ -127,16 +142,30 @@ def material_tables(scene: Scene) -> MaterialTables:
     return tables
 
 
-def upload_materials(view: SceneView, tables: MaterialTables) -> None:
+def byte_words(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Texels of 1 to 4 bytes as red, green, blue and alpha in one word, red lowest, shape (rows * columns,)."""
+    places = [channel_of(channel, pixels.shape[-1]) for channel in range(4)]
+    words = np.full(pixels.shape[:2], 255 << 24 if places[3] < 0 else 0, np.uint32)
+    for channel, place in enumerate(places):
+        if place >= 0:
+            words |= pixels[..., place].astype(np.uint32) << np.uint32(8 * channel)
+    return words.ravel()
+
+
+def upload_materials(view: SceneView, tables: MaterialTables, primvars: NDArray[np.float32]) -> VaryingView | None:
+    """The materials into the view; what varies over surfaces is returned, to be kept alive."""
     view.materials = wp.array(tables.materials, dtype=MaterialView)
     if not tables.inputs:
-        return
-    view.inputs = wp.array(tables.inputs, dtype=InputsView)
-    view.lookups = wp.array(tables.lookups, dtype=LookupView)
-    view.tiles = wp.array(tables.tiles, dtype=TileView)
-    view.byte_values = wp.array(np.concatenate([byte_values(False), byte_values(True)]), dtype=float)
-    view.bytes = wp.array(np.concatenate([np.zeros(0, np.uint8), *tables.byte_texels]), dtype=wp.uint8)
-    view.floats = wp.array(np.concatenate([np.zeros(0, np.float32), *tables.float_texels]), dtype=float)
+        return None
+    varying = VaryingView()
+    varying.inputs = wp.array(tables.inputs, dtype=InputsView)
+    varying.lookups = wp.array(tables.lookups, dtype=LookupView)
+    varying.tiles = wp.array(tables.tiles, dtype=TileView)
+    varying.texels = wp.array(np.concatenate([np.zeros(0, np.uint32), *tables.texels]), dtype=wp.uint32)
+    varying.byte_values = wp.array(np.concatenate([byte_values(False), byte_values(True)]), dtype=float)
+    varying.primvars = wp.array(primvars, dtype=float)
+    view.varying = wp.array([varying], dtype=VaryingView)
+    return varying
 
 
 def material_view(material: Any, double_sided: int, inputs: int) -> MaterialView:

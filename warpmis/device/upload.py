@@ -12,7 +12,7 @@ from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
 from warpmis.device.order import first_use_order, morton_order
-from warpmis.device.views import CameraView, DeltaLightView, DomeView, LightView, SceneView, TriangleView
+from warpmis.device.views import CameraView, DeltaLightView, DomeView, LightView, SceneView, TriangleView, VaryingView
 from warpmis.errors import ConfigError
 from warpmis.scene import Camera, Geometry, Scene
 
@@ -48,9 +48,9 @@ def upload(scene: Scene, device: str) -> DeviceScene:
     with wp.ScopedDevice(device):
         view = SceneView()
         mesh = upload_mesh(view, geometry)
-        upload_surfaces(view, scene, geometry, tables)
+        varying = upload_surfaces(view, scene, geometry, tables)
         tree = upload_lights(view, geometry, tables)
-    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree))
+    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree, varying))
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -96,14 +96,13 @@ def records(dtype: Any, columns: dict[str, Any], count: int) -> wp.array:
     return wp.array(table, dtype=dtype)
 
 
-def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> None:
+def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> VaryingView | None:
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
     columns = {"normals": geometry.normal_indices, "material": material, "light": tables.triangle_light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
-    upload_materials(view, material_tables(scene))
-    view.primvars = wp.array(geometry.primvars, dtype=float)
+    return upload_materials(view, material_tables(scene), geometry.primvars)
 
 
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> wp.Bvh | None:

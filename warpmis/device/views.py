@@ -15,6 +15,17 @@ MESH = 6
 DELTA_POINT = 0
 DELTA_DISTANT = 1
 
+# The inputs of a material that a lookup can give.
+DIFFUSE = 0
+EMISSIVE = 1
+SPECULAR = 2
+METALLIC = 3
+ROUGHNESS = 4
+COAT = 5
+COAT_ROUGHNESS = 6
+OPACITY = 7
+NORMAL = 8
+
 # How texels are stored: as float32, as bytes, or as bytes of which the colours are sRGB encoded.
 FLOATS = 0
 BYTES = 1
@@ -48,7 +59,7 @@ class MaterialView:
     """A material with its workflow resolved: what the lobes need, no more.
 
     specular_f0 is the reflectance at normal incidence (0 with `has_specular` 0: no lobe at all); alpha is
-    roughness squared. inputs: row of SceneView.inputs where some input varies over the surface (the fields here are
+    roughness squared. inputs: row of VaryingView.inputs where some input varies over the surface (the fields here are
     then of the inputs' means), or -1.
     """
 
@@ -68,8 +79,8 @@ class MaterialView:
 
 @wp.struct
 class InputsView:
-    """UsdPreviewSurface's inputs before its workflow is resolved: a constant each, and where the input varies the row
-    of SceneView.lookups that gives it, else -1."""
+    """UsdPreviewSurface's inputs before its workflow is resolved: a constant each. Those that vary over the surface are
+    given by `lookup_count` rows of VaryingView.lookups from `first_lookup` on; normal_lookup: a row too, or -1."""
 
     diffuse: wp.vec3
     emissive: wp.vec3
@@ -81,23 +92,18 @@ class InputsView:
     opacity: float
     opacity_threshold: float
     use_specular_workflow: int
-    diffuse_lookup: int
-    emissive_lookup: int
-    specular_lookup: int
-    metallic_lookup: int
-    roughness_lookup: int
-    coat_lookup: int
-    coat_roughness_lookup: int
-    opacity_lookup: int
+    first_lookup: int
+    lookup_count: int
     normal_lookup: int
 
 
 @wp.struct
 class LookupView:
-    """One lookup of a material's input. column: of SceneView.primvars, where its texture coordinates begin or, with
-    tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up; tile: the first
-    of its rows in SceneView.tiles, udim_rows * 10 of them, or one where udim_rows is 0."""
+    """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
+    begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
+    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0."""
 
+    input: int
     column: int
     tile: int
     udim_rows: int
@@ -113,14 +119,27 @@ class LookupView:
 
 @wp.struct
 class TileView:
-    """A picture's texels: in SceneView.bytes or SceneView.floats (as `encoding` says) from `first` on, row by row from
-    the top, `channels` values each; rows is 0 where a UDIM picture has no tile."""
+    """A picture's texels in VaryingView.texels from `first` on, row by row from the top: a word of red, green, blue and
+    alpha bytes each, or `channels` floats. rows is 0 where a UDIM picture has no tile."""
 
     encoding: int
     first: int
     rows: int
     columns: int
     channels: int
+
+
+@wp.struct
+class VaryingView:
+    """What varies over surfaces. primvars: per triangle and corner what its material's lookups read; texels: bits, see
+    TileView; byte_values: linear values of the bytes, plain in the first 256, of sRGB in the second."""
+
+    inputs: wp.array(dtype=InputsView)
+    lookups: wp.array(dtype=LookupView)
+    tiles: wp.array(dtype=TileView)
+    texels: wp.array(dtype=wp.uint32)
+    byte_values: wp.array(dtype=float)
+    primvars: wp.array3d(dtype=float)
 
 
 @wp.struct
@@ -179,9 +198,8 @@ class DomeView:
 
 @wp.struct
 class SceneView:
-    """The whole scene. emitter_cdf: per triangle of a mesh light the cumulative share of the light's area; primvars:
-    per triangle and corner what its material's lookups read; byte_values: linear values of the bytes, plain in the
-    first 256, of sRGB in the second."""
+    """The whole scene. emitter_cdf: per triangle of a mesh light the cumulative share of the light's area; varying:
+    one record, in an array so that the scene stays small: device functions take it by value."""
 
     mesh: wp.uint64
     points: wp.array(dtype=wp.vec3)
@@ -189,13 +207,7 @@ class SceneView:
     normals: wp.array(dtype=wp.vec3)
     triangles: wp.array(dtype=TriangleView)
     materials: wp.array(dtype=MaterialView)
-    inputs: wp.array(dtype=InputsView)
-    lookups: wp.array(dtype=LookupView)
-    tiles: wp.array(dtype=TileView)
-    bytes: wp.array(dtype=wp.uint8)
-    floats: wp.array(dtype=float)
-    byte_values: wp.array(dtype=float)
-    primvars: wp.array3d(dtype=float)
+    varying: wp.array(dtype=VaryingView)
     lights: wp.array(dtype=LightView)
     light_count: int
     delta_lights: wp.array(dtype=DeltaLightView)

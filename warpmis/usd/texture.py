@@ -13,8 +13,8 @@ from warpmis.texture import FIRST_TILE, Texture
 from warpmis.usd.image import Picture, PictureError, read_stored, srgb_to_linear
 from warpmis.usd.reading import Reading
 
-# Texels are indexed with int32 on the device, bytes and floats apart.
-MAX_TEXEL_VALUES = 2**31 - 1
+# Texels are indexed with int32 on the device: a word for each of bytes, and for each float.
+MAX_TEXEL_WORDS = 2**31 - 1
 
 
 @dataclass(eq=False)
@@ -24,13 +24,13 @@ class TextureReader:
     Attributes:
         pictures: decoded files by resolved path; None for one that cannot be read.
         textures: by the paths of their tiles and their colour space.
-        stored: how many values the pictures hold so far, by type.
+        words: how many the pictures take so far.
     """
 
     reading: Reading
     pictures: dict[str, Picture | None] = field(default_factory=dict)
     textures: dict[Any, Texture | None] = field(default_factory=dict)
-    stored: dict[str, int] = field(default_factory=dict)
+    words: int = 0
 
     def read(self, attribute: Any, color_space: str) -> Texture | None:
         """The texture of an asset attribute; None, with a warning, where no picture of it can be read.
@@ -88,12 +88,11 @@ class TextureReader:
         if invalid.any():
             self.reading.warn(prim_path, f"{invalid.sum()} texels of {path} are not finite; they are black")
             pixels = np.where(invalid[..., None], np.float32(0.0), pixels)
-        kind = str(pixels.dtype)
-        self.stored[kind] = self.stored.get(kind, 0) + pixels.size
-        if self.stored[kind] > MAX_TEXEL_VALUES:
+        words = pixels.size if pixels.dtype == np.float32 else pixels[..., 0].size
+        if self.words + words > MAX_TEXEL_WORDS:
             self.reading.warn(prim_path, f"{path} is left out: the stage's textures have too many texels")
-            self.stored[kind] -= pixels.size
             return None
+        self.words += words
         return Picture(pixels, picture.says_srgb)
 
 
