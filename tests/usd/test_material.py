@@ -162,13 +162,49 @@ def test_purpose_full_goes_before_all_purpose_and_preview_is_not_used():
     assert [found.path for found in load(cube(body=body) + material() + material(name="P")).materials] == ["/M"]
 
 
-def test_collection_binding_is_honoured():
+@pytest.mark.parametrize(
+    ("purposes", "expected"),
+    [
+        ('["full", ""]', ["/F", "/M"]),
+        ('["preview", ""]', ["/P", "/P"]),
+        ('["full", "preview", ""]', ["/F", "/P"]),
+        ('[""]', ["/M", "/M"]),
+        ('["full"]', ["/F", ""]),
+    ],
+)
+def test_render_settings_choose_the_purposes_of_bindings(purposes, expected):
+    """The first cube is bound for full, preview and all purposes, the second for the latter two."""
+    both = "rel material:binding = </M>\nrel material:binding:preview = </P>\n"
+    text = f"""(
+    renderSettingsPrimPath = "/R"
+)
+def RenderSettings "R"
+{{
+    uniform token[] materialBindingPurposes = {purposes}
+}}
+"""
+    text += cube("A", both + "rel material:binding:full = </F>") + cube("B", both)
+    scene = load(text + material() + material(name="F") + material(name="P"))
+    by_prim = dict(zip(scene.geometry.prims, scene.geometry.materials, strict=True))
+    assert [scene.materials[by_prim[prim]].path for prim in (0, 1)] == expected
+
+
+def test_binding_that_is_stronger_than_descendants_wins():
+    for strength, expected in (("strongerThanDescendants", "/M"), ("weakerThanDescendants", "/F")):
+        binding = f'rel material:binding = </M> (\nbindMaterialAs = "{strength}"\n)'
+        own = cube("A", "rel material:binding = </F>")
+        text = f'def Xform "G" (\n{BOUND}\n)\n{{\n{binding}\n{own}}}\n'
+        assert [found.path for found in load(text + material() + material(name="F")).materials] == [expected]
+
+
+@pytest.mark.parametrize("purpose", ["", "full:"])
+def test_collection_binding_is_honoured(purpose):
     text = f"""def Xform "G" (
     prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:red"]
 )
 {{
     rel collection:red:includes = </G/A>
-    rel material:binding:collection:red = [</G.collection:red>, </M>]
+    rel material:binding:collection:{purpose}red = [</G.collection:red>, </M>]
     {cube("A", "")}
     {cube("B", "")}
 }}

@@ -34,11 +34,13 @@ class MaterialReader:
     """Reads each material of the stage once, and numbers them as Scene.materials does.
 
     Attributes:
+        purposes: of bindings, as Settings.material_purposes.
         materials: material -> its index, in the order of first use.
         by_path: what the stage's materials were read as; None for one that is not supported.
     """
 
     reading: Reading
+    purposes: tuple[str, ...] = ("full", "")
     materials: dict[Material, int] = field(default_factory=dict)
     by_path: dict[Any, BoundMaterial | None] = field(default_factory=dict)
 
@@ -80,8 +82,8 @@ class MaterialReader:
         return block
 
     def bound(self, prim: Any) -> BoundMaterial | None:
-        """The material bound to a gprim or GeomSubset (purpose full before all), or None."""
-        material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.full)
+        """The material bound to a gprim or GeomSubset, or None."""
+        material, relationship = self._binding(prim)
         if not material:
             if relationship:
                 targets = ", ".join(str(target) for target in relationship.GetTargets())
@@ -91,6 +93,15 @@ class MaterialReader:
         if path not in self.by_path:
             self.by_path[path] = self._read(material)
         return self.by_path[path]
+
+    def _binding(self, prim: Any) -> tuple[Any, Any]:
+        """Material and relationship of the first purpose that is bound; USD resolves strength and collections."""
+        for purpose in self.purposes:
+            material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+            # A purpose without a binding of its own is answered with that for all purposes.
+            if relationship and _purpose_of(relationship) == purpose:
+                return material, relationship
+        return None, None
 
     def _read(self, material: Any) -> BoundMaterial | None:
         """A UsdPreviewSurface; None, with a warning, for a material of another shader."""
@@ -105,6 +116,13 @@ class MaterialReader:
             return None
         network = ShadingNetwork(path, self.reading, self.textures)
         return BoundMaterial(read_preview_surface(shader, network), network.columns)
+
+
+def _purpose_of(relationship: Any) -> str:
+    """The purpose in a binding's name: material:binding[:purpose] or material:binding:collection[:purpose]:name."""
+    words = str(relationship.GetName()).split(":")[2:]
+    words = words[1:-1] if words[:1] == ["collection"] else words
+    return words[0] if words else ""
 
 
 def display_material(prim: Any, surface: Surface, reading: Reading) -> BoundMaterial:

@@ -90,7 +90,7 @@ def _open(path: str) -> Any:
 
 def _read_scene(reading: Reading, camera: str | None, width: int | None, render_settings: str | None) -> Scene:
     settings = read_settings(reading, render_settings)
-    contents = StageContents(reading)
+    contents = StageContents(reading, settings.material_purposes)
     for placement in placements(reading):
         try:
             contents.add(placement)
@@ -126,17 +126,19 @@ class StageContents:
 
     Attributes:
         surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
+        material_purposes: of bindings, as Settings.material_purposes.
         light_prims: number of light prims of a supported type, those included that turned out to emit nothing.
     """
 
     reading: Reading
+    material_purposes: tuple[str, ...]
     geometry: GeometryBuilder = field(default_factory=GeometryBuilder)
     lights: list[Light] = field(default_factory=list)
     surfaces: dict[Any, Surface | None] = field(default_factory=dict)
     light_prims: int = 0
 
     def __post_init__(self) -> None:
-        self.materials = MaterialReader(self.reading)
+        self.materials = MaterialReader(self.reading, self.material_purposes)
 
     def add(self, placement: Placement) -> None:
         """Reads one prim, whatever it is, at all its places."""
