@@ -99,22 +99,32 @@ def mean(text: str, spp: int = 16384, **settings) -> float:
     return float(result.image.astype(np.float64).mean())
 
 
+def bilinear(texels: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """A picture of one channel, row 0 on top, at texture coordinates within [0, 1], its edge texels going on."""
+    rows, columns = texels.shape
+    x, y = s * columns - 0.5, (1.0 - t) * rows - 0.5
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    fx, fy = x - column, y - row
+
+    def at(dy: int, dx: int) -> np.ndarray:
+        return texels[np.clip(row + dy, 0, rows - 1), np.clip(column + dx, 0, columns - 1)]
+
+    return (at(0, 0) * (1 - fx) + at(0, 1) * fx) * (1 - fy) + (at(1, 0) * (1 - fx) + at(1, 1) * fx) * fy
+
+
 @pytest.mark.parametrize("method", ["nee", "balance", "bsdf"])
 def test_textured_emitter_lights_with_what_its_texels_shine(tmp_path, method):
-    """By symmetry the point under the middle gets half of what a uniform square of the brighter texel would give.
-
-    Irradiance under the middle of a square of half side a at distance a: 4 L arctan(1 / sqrt 2) / sqrt 2.
-    """
-    picture = np.zeros((1, 2, 3))
-    picture[0, 1] = 1.0
-    glow = write(tmp_path / "glow.exr", picture)
+    """Irradiance under the middle of a square of half side a at height h: the integral of L h^2 / r^4 over it."""
+    texels = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    glow = write(tmp_path / "glow.exr", np.repeat(texels[..., None], 3, axis=-1))
     settings = SETTINGS + "float4 inputs:scale = (3, 3, 3, 1)"
     inputs = "color3f inputs:emissiveColor.connect = <T.outputs:rgb>\ncolor3f inputs:diffuseColor = (0, 0, 0)"
-    found = mean(
-        floor_of(0.5) + sheet("Lamp", 0.5, 0.5, inputs, glow, settings) + LOOK_DOWN, method=method, max_depth=1
-    )
-    whole = 4.0 * math.atan(1.0 / math.sqrt(2.0)) / math.sqrt(2.0) * 3.0
-    assert found == pytest.approx(0.5 / math.pi * whole / 2.0, rel=0.005)
+    lamp = sheet("Lamp", 0.5, 0.5, inputs, glow, settings)
+    found = mean(floor_of(0.5) + lamp + LOOK_DOWN, method=method, max_depth=1)
+    s, t = np.meshgrid((np.arange(500) + 0.5) / 500, (np.arange(500) + 0.5) / 500)
+    r2 = (s - 0.5) ** 2 + (t - 0.5) ** 2 + 0.25
+    irradiance = (3.0 * bilinear(texels, s, t) * 0.25 / r2**2).mean()
+    assert found == pytest.approx(0.5 / math.pi * irradiance, rel=0.005)
 
 
 def reflected(n: np.ndarray, wo: np.ndarray, wi: np.ndarray, diffuse: float) -> float:
@@ -148,8 +158,12 @@ def test_normal_map_turns_the_surface_towards_the_light(tmp_path, tilt):
 
 @pytest.mark.parametrize("method", ["nee", "balance", "bsdf"])
 def test_sheet_of_textured_opacity_dims_what_lies_below(tmp_path, method):
-    """The lamp's light crosses the sheet about its middle, where the opacity is 0.5; the camera looks below it."""
-    opacity = np.broadcast_to(np.linspace(0.0, 1.0, 64)[None, :, None], (1, 64, 3))
+    """The lamp's light crosses the sheet about its middle, where the opacity is 0.25 on average; the camera looks below.
+
+    The opacity grows linearly to 0.5 where the light crosses, s from 0.19 to 0.81, and is 1 beyond.
+    """
+    s = (np.arange(64) + 0.5) / 64
+    opacity = np.broadcast_to(np.where(np.abs(s - 0.5) < 0.4, 0.5 * s, 1.0)[None, :, None], (1, 64, 3))
     file = write(tmp_path / "o.exr", opacity)
     inputs = """float inputs:opacity.connect = <T.outputs:r>
     token inputs:opacityMode = "presence"
@@ -166,4 +180,4 @@ def DiskLight "Lamp" {
 """
     found = mean(floor_of(0.5) + sheet("Q", 0.1, 0.25, inputs, file) + lamp + LOOK_DOWN, method=method, max_depth=1)
     irradiance = math.pi * 100 * 0.25 / (0.25 + 4.0)
-    assert found == pytest.approx(0.5 / math.pi * irradiance * 0.5, rel=0.01)
+    assert found == pytest.approx(0.5 / math.pi * irradiance * 0.75, rel=0.01)
