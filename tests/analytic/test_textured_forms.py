@@ -158,7 +158,7 @@ def test_normal_map_turns_the_surface_towards_the_light(tmp_path, tilt):
 
 @pytest.mark.parametrize("method", ["nee", "balance", "bsdf"])
 def test_sheet_of_textured_opacity_dims_what_lies_below(tmp_path, method):
-    """The lamp's light crosses the sheet about its middle, where the opacity is 0.25 on average; the camera looks below.
+    """The lamp's light crosses the sheet about its middle, opacity 0.25 on average; the camera looks below it.
 
     The opacity grows linearly to 0.5 where the light crosses, s from 0.19 to 0.81, and is 1 beyond.
     """
