@@ -6,7 +6,7 @@ stands in scene.Geometry.primvars from its `column` on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -90,6 +90,12 @@ class TextureLookup:
     scale: Vec4 = (1.0, 1.0, 1.0, 1.0)
     bias: Vec4 = (0.0, 0.0, 0.0, 0.0)
     fallback: Vec4 = (0.0, 0.0, 0.0, 1.0)
+
+    def scaled(self, factor: float) -> TextureLookup:
+        """The lookup whose results are `factor` times these."""
+        (a, b, c, d), (e, f, g, h) = self.scale, self.bias
+        scale, bias = (factor * a, factor * b, factor * c, d), (factor * e, factor * f, factor * g, h)
+        return replace(self, scale=scale, bias=bias)
 
     def results(self, channel: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What red, green, blue or alpha of the lookup can be at a texel, shape (n,), and how often, shape (n,).

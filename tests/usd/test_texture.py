@@ -238,6 +238,23 @@ def test_transform_2d_scales_then_rotates_then_translates(tmp_path):
     np.testing.assert_allclose(diffuse(scene, points)[:, 0], [0.6, 0.2, 0.8, 0.4], atol=1e-5)
 
 
+def test_circle_of_transforms_and_wrong_types_end_in_a_warning(tmp_path):
+    more = """def Shader "X"
+    {
+        uniform token info:id = "UsdTransform2d"
+        float2 inputs:in.connect = </M/X.outputs:result>
+        string inputs:rotation = "much"
+        float2 outputs:result
+    }
+"""
+    scene = load(
+        stage(grey(tmp_path), st_source="</M/X.outputs:result>", more=more, texture='string inputs:scale = "big"')
+    )
+    assert mentions(scene, "/M/X", "rotation")
+    assert mentions(scene, "/M/T", "scale")
+    assert np.isfinite(diffuse(scene, CENTRES)).all()
+
+
 def test_each_output_is_its_channel(tmp_path):
     picture = np.broadcast_to(np.array([0.1, 0.3, 0.5, 0.7]), (2, 2, 4))
     names = {"metallic": "r", "roughness": "g", "clearcoatRoughness": "b", "clearcoat": "a"}

@@ -12,6 +12,7 @@ from pxr import UsdGeom, UsdShade
 from warpmis.scene import Material
 from warpmis.texture import PrimvarLookup
 from warpmis.usd.geometry import Shading, Surface
+from warpmis.usd.materialx import MaterialXNetwork, is_materialx, read_materialx
 from warpmis.usd.preview_surface import clamped, read_preview_surface
 from warpmis.usd.primvar import PrimvarColumns, PrimvarRead, corner_primvars, primvar_elements
 from warpmis.usd.reading import Reading
@@ -104,18 +105,21 @@ class MaterialReader:
         return None, None
 
     def _read(self, material: Any) -> BoundMaterial | None:
-        """A UsdPreviewSurface; None, with a warning, for a material of another shader."""
+        """A UsdPreviewSurface, or else MaterialX; None, with a warning, for a material of another shader."""
         path = material.GetPath()
-        shader = material.ComputeSurfaceSource()[0]
+        shader = material.ComputeSurfaceSource()[0] or material.ComputeSurfaceSource("mtlx")[0]
         if not shader:
             self.reading.warn(path, "it has no UsdPreviewSurface; displayColor is used")
             return None
-        if shader.GetIdAttr().Get() != "UsdPreviewSurface":
-            name = shader.GetIdAttr().Get() or shader.GetImplementationSource()
-            self.reading.warn(path, f"its surface shader {name} is not supported; displayColor is used")
-            return None
-        network = ShadingNetwork(path, self.reading, self.textures)
-        return BoundMaterial(read_preview_surface(shader, network), network.columns)
+        kind = str(shader.GetIdAttr().Get() or shader.GetImplementationSource())
+        if kind == "UsdPreviewSurface":
+            network = ShadingNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_preview_surface(shader, network), network.columns)
+        if is_materialx(kind):
+            nodes = MaterialXNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_materialx(shader, nodes), nodes.columns)
+        self.reading.warn(path, f"its surface shader {kind} is not supported; displayColor is used")
+        return None
 
 
 def _purpose_of(relationship: Any) -> str:

@@ -100,12 +100,16 @@ def _color(shader: Any, network: ShadingNetwork, name: str, default: Color, low:
 
 
 def _number(shader: Any, network: ShadingNetwork, name: str, default: float, low: float, high: float) -> float | Lookup:
-    """A number, also where a lookup has the same result everywhere, as an alpha that is 1 in the whole picture."""
     value = _value(shader, network, name, np.array([default]), low, high)
     if isinstance(value, TextureLookup) and high == 1.0:
-        least, greatest = bounds_of(value)
-        return least if least == greatest else value
+        return constant_if_uniform(value)
     return value if is_lookup(value) else float(value[0])
+
+
+def constant_if_uniform(lookup: TextureLookup) -> float | TextureLookup:
+    """The number that a lookup within [0, 1] gives everywhere, as an alpha of 1; else the lookup."""
+    least, greatest = bounds_of(lookup)
+    return least if least == greatest else lookup
 
 
 def _value(
