@@ -3,87 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import OpenImageIO
 import pytest
 from pxr import UsdUtils
-from usd.pictures import write
+from usd.pictures import CENTRES, GREYS, diffuse, grey, stage, write
 from usd.points import seen_at
 from usd.stages import load, mentions
 
 from warpmis import features
-from warpmis.scene import Scene
 from warpmis.texture import TextureLookup
 from warpmis.usd import load_stage
 from warpmis.usd.image import srgb_to_linear
-
-# 2 x 2 texels of different grey, row 0 on top: the lower left one is 0.6.
-GREYS = np.array([[0.2, 0.4], [0.6, 0.8]])
-# The texels' centres in the order of GREYS, as points of the unit square.
-CENTRES = [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)]
-
-
-def grey(tmp_path: Path, values: np.ndarray = GREYS) -> Path:
-    return write(tmp_path / "grey.exr", np.repeat(values[..., None], 3, axis=-1))
-
-
-def stage(
-    file: Path | str,
-    *,
-    inputs: str = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>",
-    texture: str = "",
-    st: str = "[(0, 0), (1, 0), (1, 1), (0, 1)]",
-    st_source: str = "</M/R.outputs:result>",
-    more: str = "",
-    mesh: str = "",
-) -> str:
-    """A unit square in the xy plane, seen from +Z, with one texture; st is x and y unless given."""
-    return f"""def Mesh "Q" ( prepend apiSchemas = ["MaterialBindingAPI"] )
-{{
-    uniform token subdivisionScheme = "none"
-    int[] faceVertexCounts = [4]
-    int[] faceVertexIndices = [0, 1, 2, 3]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-    texCoord2f[] primvars:st = {st} ( interpolation = "faceVarying" )
-    rel material:binding = </M>
-    {mesh}
-}}
-def Material "M"
-{{
-    token outputs:surface.connect = </M/S.outputs:surface>
-    def Shader "S"
-    {{
-        uniform token info:id = "UsdPreviewSurface"
-        {inputs}
-        token outputs:surface
-    }}
-    def Shader "T"
-    {{
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @{file}@
-        float2 inputs:st.connect = {st_source}
-        {texture}
-        float3 outputs:rgb
-        float outputs:r
-        float outputs:g
-        float outputs:b
-        float outputs:a
-    }}
-    def Shader "R"
-    {{
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-        float2 outputs:result
-    }}
-    {more}
-}}
-"""
-
-
-def diffuse(scene: Scene, xy) -> np.ndarray:
-    return seen_at(scene, xy)["diffuse"]
 
 
 def test_st_origin_is_the_pictures_lower_left_corner(tmp_path):
@@ -410,43 +342,6 @@ def test_one_picture_of_two_materials_is_decoded_and_stored_once(tmp_path):
     assert first.texture is second.texture
 
 
-def test_missing_primvar_is_the_readers_fallback_with_a_warning(tmp_path):
-    text = stage(grey(tmp_path)).replace("primvars:st =", "primvars:uv =")
-    text = text.replace(
-        'string inputs:varname = "st"', 'string inputs:varname = "st"\nfloat2 inputs:fallback = (0.75, 0.25)'
-    )
-    scene = load(text)
-    np.testing.assert_allclose(diffuse(scene, CENTRES)[:, 0], 0.8, atol=1e-6)
-    assert mentions(scene, "/Q", "primvars:st", "lacks")
-    assert len(scene.warnings) == 1
-
-
-BROKEN_ST = {
-    "too few": ("[(0, 0), (1, 0)]", "4 are needed"),
-    "another type": ("[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]", "wrong type"),
-}
-
-
-@pytest.mark.parametrize("case", BROKEN_ST)
-def test_broken_coordinates_are_left_out_with_a_warning(tmp_path, case):
-    st, words = BROKEN_ST[case]
-    text = stage(grey(tmp_path), st=st)
-    if case == "another type":
-        text = text.replace("texCoord2f[]", "float3[]")
-    scene = load(text)
-    assert mentions(scene, "/Q", words)
-    assert np.isfinite(diffuse(scene, CENTRES)).all()
-
-
-def test_coordinates_that_are_not_finite_and_huge_ones_give_no_nan(tmp_path):
-    for wrap in ("black", "clamp", "repeat", "mirror"):
-        modes = f'token inputs:wrapS = "{wrap}"\ntoken inputs:wrapT = "{wrap}"'
-        scene = load(stage(grey(tmp_path), texture=modes, st="[(nan, inf), (1e30, -1e30), (1, 1), (0, 3e38)]"))
-        found = diffuse(scene, [*CENTRES, (0.9, 0.1), (0.5, 0.5)])
-        assert np.isfinite(found).all()
-        assert (found >= 0).all()
-
-
 def test_texels_that_are_not_finite_are_black_with_a_warning(tmp_path):
     values = GREYS.copy()
     values[1, 0] = np.nan
@@ -462,97 +357,6 @@ def test_damaged_picture_is_the_fallback_with_one_warning(tmp_path, content):
     assert scene.materials[0].diffuse_color == (0.25, 0.5, 0.75)
     assert len(scene.warnings) == 1
     assert mentions(scene, "/M/T", "p.png", "fallback")
-
-
-def test_display_color_is_interpolated_over_the_triangles():
-    for interpolation in ("vertex", "varying", "faceVarying"):
-        colors = f'[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)] ( interpolation = "{interpolation}" )'
-        opacities = f'[0, 1, 1, 0] ( interpolation = "{interpolation}" )'
-        text = f"""def Mesh "Q"
-{{
-    uniform token subdivisionScheme = "none"
-    int[] faceVertexCounts = [4]
-    int[] faceVertexIndices = [0, 1, 2, 3]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-    color3f[] primvars:displayColor = {colors}
-    float[] primvars:displayOpacity = {opacities}
-}}
-"""
-        scene = load(text)
-        assert scene.warnings == ()
-        assert scene.materials[0].lambertian
-        xy = np.random.default_rng(0).random((20, 2))
-        seen = seen_at(scene, xy)
-        np.testing.assert_allclose(seen["diffuse"], np.column_stack([xy, np.zeros(20)]), atol=1e-5)
-        np.testing.assert_allclose(seen["opacity"], xy[:, 0], atol=1e-5)
-
-
-def test_uniform_display_color_is_a_color_a_face():
-    text = """def Mesh "Q"
-{
-    uniform token subdivisionScheme = "none"
-    int[] faceVertexCounts = [4, 4]
-    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
-    color3f[] primvars:displayColor = [(1, 0, 0), (0, 0.5, 1)] ( interpolation = "uniform" )
-    int[] primvars:displayColor:indices = [1, 0]
-}
-"""
-    found = diffuse(load(text), [(0.2, 0.7), (0.8, 0.1), (1.2, 0.7), (1.8, 0.1)])
-    np.testing.assert_allclose(found, [[0, 0.5, 1], [0, 0.5, 1], [1, 0, 0], [1, 0, 0]], atol=1e-6)
-
-
-def test_primvar_reader_gives_a_color_and_a_number(tmp_path):
-    readers = """def Shader "C"
-    {
-        uniform token info:id = "UsdPrimvarReader_float3"
-        string inputs:varname = "tint"
-        float3 outputs:result
-    }
-    def Shader "F"
-    {
-        uniform token info:id = "UsdPrimvarReader_float"
-        string inputs:varname = "worn"
-        float outputs:result
-    }
-"""
-    inputs = """color3f inputs:diffuseColor.connect = </M/C.outputs:result>
-    float inputs:roughness.connect = </M/F.outputs:result>
-    """
-    primvars = """color3f[] primvars:tint = [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)] ( interpolation = "vertex" )
-    float[] primvars:worn = [0.5] ( interpolation = "constant" )
-    """
-    scene = load(stage(grey(tmp_path), inputs=inputs, more=readers, mesh=primvars))
-    assert scene.warnings == ()
-    seen = seen_at(scene, [(0.25, 0.5), (0.75, 0.125)])
-    np.testing.assert_allclose(seen["diffuse"], [[0.25, 0.5, 1], [0.75, 0.125, 1]], atol=1e-6)
-    np.testing.assert_allclose(seen["alpha"], 0.25, atol=1e-6)
-
-
-def test_subsets_read_their_own_coordinates(tmp_path):
-    """Two materials of one mesh read different primvars: each triangle carries those of its own."""
-    text = """def Mesh "Q" ( prepend apiSchemas = ["MaterialBindingAPI"] )
-{
-    uniform token subdivisionScheme = "none"
-    int[] faceVertexCounts = [4, 4]
-    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
-    texCoord2f[] primvars:st = [(0.25, 0.25)] ( interpolation = "constant" )
-    texCoord2f[] primvars:uv = [(0.75, 0.75)] ( interpolation = "constant" )
-    rel material:binding = </M>
-    def GeomSubset "Right" ( prepend apiSchemas = ["MaterialBindingAPI"] )
-    {
-        uniform token familyName = "materialBind"
-        int[] indices = [1]
-        rel material:binding = </N>
-    }
-}
-"""
-    own = stage(grey(tmp_path))
-    own = own[own.index("def Material") :]
-    other = own.replace("/M", "/N").replace('"M"', '"N"').replace('varname = "st"', 'varname = "uv"')
-    found = diffuse(load(text + own + other), [(0.5, 0.5), (1.5, 0.5)])
-    np.testing.assert_allclose(found[:, 0], [0.6, 0.4], atol=1e-6)
 
 
 def test_mean_of_lookups_is_what_lights_are_chosen_by(tmp_path):
