@@ -135,3 +135,21 @@ def test_subsets_read_their_own_coordinates(tmp_path):
     other = own.replace("/M", "/N").replace('"M"', '"N"').replace('varname = "st"', 'varname = "uv"')
     found = diffuse(load(text + own + other), [(0.5, 0.5), (1.5, 0.5)])
     np.testing.assert_allclose(found[:, 0], [0.6, 0.4], atol=1e-6)
+
+
+@pytest.mark.parametrize("interpolation", ["constant", "uniform", "vertex", "faceVarying"])
+def test_a_single_value_holds_for_the_whole_prim(interpolation):
+    color = f'color3f[] primvars:displayColor = [(0.25, 0.5, 1)] ( interpolation = "{interpolation}" )'
+    scene = load(f'def Cube "C"\n{{\n{color}\n}}\n')
+    assert scene.materials[0].diffuse_color == (0.25, 0.5, 1)
+    assert scene.warnings == ()
+
+
+def test_values_that_cannot_be_placed_give_one_color_with_a_warning():
+    colors = "color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)]"
+    cube = load(f'def Cube "C"\n{{\n{colors} ( interpolation = "vertex" )\n}}\n')
+    assert cube.materials[0].diffuse_color == (0.5, 0.5, 0)
+    assert mentions(cube, "/C", "displayColor", "mean")
+    first = load(f'def Cube "C"\n{{\n{colors} ( interpolation = "constant" )\n}}\n')
+    assert first.materials[0].diffuse_color == (1, 0, 0)
+    assert mentions(first, "/C", "displayColor", "first")

@@ -146,10 +146,9 @@ def _display_value(
     prim: Any, surface: Surface, read: PrimvarRead, columns: PrimvarColumns, reading: Reading
 ) -> tuple[float, ...] | PrimvarLookup:
     """A display primvar: one value where all its values are equal, else a lookup of it, clamped with a warning."""
-    values, elements = primvar_elements(prim, surface, read.name, read.width, reading)
+    values, _ = primvar_elements(prim, surface, read.name, read.width, reading)
     if not len(values):
         return read.fallback
-    values = values[np.unique(elements)]
     if np.array_equal(values, np.broadcast_to(values[0], values.shape), equal_nan=True):
         fallback = np.array(read.fallback)
         value = clamped(prim.GetPath(), f"primvars:{read.name}", values[0], fallback, 0.0, 1.0, reading)

@@ -82,31 +82,35 @@ def primvar_elements(
         return nothing
     values = values.astype(np.float64).reshape(-1, width)
     indices = reading.indices(primvar.GetIndicesAttr()) if primvar.IsIndexed() else np.arange(len(values))
-    interpolation = str(primvar.GetInterpolation())
-    expected, elements = _elements(prim, surface, interpolation, reading)
-    if elements is None:
-        reading.warn(prim.GetPath(), f"primvars:{name} is {interpolation}, which is not supported on this prim")
-        return nothing
-    if len(indices) != expected:
-        message = f"{len(indices)} {interpolation} values of primvars:{name} are left out: {expected} are needed"
-        reading.warn(prim.GetPath(), message)
-        return nothing
     if len(indices) and (indices.min() < 0 or indices.max() >= len(values)):
         message = f"primvars:{name} is left out: its indices lie outside the {len(values)} values"
         reading.warn(prim.GetPath(), message)
         return nothing
-    return values, indices[elements]
+    return _at_corners(prim, surface, name, values[indices], str(primvar.GetInterpolation()), reading)
 
 
-def _elements(prim: Any, surface: Surface, interpolation: str, reading: Reading) -> tuple[int, IntArray | None]:
-    """How many values an interpolation takes, and which of them each triangle corner has; None: it cannot be told."""
+def _at_corners(
+    prim: Any, surface: Surface, name: str, values: FloatArray, interpolation: str, reading: Reading
+) -> tuple[FloatArray, IntArray]:
+    """As `primvar_elements`, of values without indices. A single value holds for the whole prim."""
+    constant = np.zeros((1, 1), np.int64)
+    if len(values) <= 1:
+        return values, constant
     if interpolation == "constant":
-        return 1, np.zeros((1, 1), np.int64)
+        reading.warn(prim.GetPath(), f"primvars:{name} is constant but has {len(values)} values; the first is used")
+        return values[:1], constant
     if surface.corners is None:
-        return 0, None
+        reading.warn(prim.GetPath(), f"{name} varies over a {prim.GetTypeName()}; its mean is used")
+        return values.mean(axis=0, keepdims=True), constant
     mesh = UsdGeom.Mesh(prim)
+    expected, rows = len(surface.points), surface.triangles
     if interpolation == "uniform":
-        return len(reading.indices(mesh.GetFaceVertexCountsAttr())), np.repeat(surface.faces[:, None], 3, axis=1)
-    if interpolation == "faceVarying":
-        return len(reading.indices(mesh.GetFaceVertexIndicesAttr())), surface.corners
-    return len(surface.points), surface.triangles
+        expected = len(reading.indices(mesh.GetFaceVertexCountsAttr()))
+        rows = np.repeat(surface.faces[:, None], 3, axis=1)
+    elif interpolation == "faceVarying":
+        expected, rows = len(reading.indices(mesh.GetFaceVertexIndicesAttr())), surface.corners
+    if len(values) != expected:
+        message = f"{len(values)} {interpolation} values of primvars:{name} are left out: {expected} are needed"
+        reading.warn(prim.GetPath(), message)
+        return values[:0], constant
+    return values, rows
