@@ -33,6 +33,7 @@ EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 PURPOSES = ("default", "render", "proxy", "guide")
+COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -83,6 +84,9 @@ def _add_stage_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--render-settings-prim-path", "--renderSettingsPrimPath", "-rs", metavar="PRIM", help="RenderSettings prim"
+    )
+    group.add_argument(
+        "--complexity", "-c", choices=COMPLEXITIES, help="refine subdivision surfaces 0, 1, 2 or 3 times (high)"
     )
 
 
@@ -196,6 +200,7 @@ def _render(arguments: argparse.Namespace) -> None:
         camera=arguments.camera,
         purposes=arguments.purposes,
         render_settings=arguments.render_settings_prim_path,
+        complexity=arguments.complexity,
     )
     _start_warp()
     start = time.perf_counter()

@@ -28,6 +28,7 @@ class Reading:
         stage: the Usd.Stage, kept alive here.
         time: the numeric Usd.TimeCode at which every attribute is read.
         purposes: the purposes that are rendered, "default" among them.
+        levels: how many times subdivision surfaces are refined.
         warnings: what was found but not honoured, in order and without repeats (a dict used as an ordered set).
         notes: what was supplied because the stage has none.
     """
@@ -35,6 +36,7 @@ class Reading:
     stage: Any
     time: Any
     purposes: frozenset[str]
+    levels: int
     warnings: dict[str, None] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -64,6 +66,10 @@ class Reading:
     def vectors(self, attribute: Any) -> NDArray[np.float64]:
         """A float3 array attribute, shape (n, 3); empty where it has no value."""
         return self._array(attribute, np.empty((0, 3)))
+
+    def numbers(self, attribute: Any) -> NDArray[np.float64]:
+        """A float array attribute, shape (n,); empty where it has no value."""
+        return self._array(attribute, np.empty(0))
 
     def _array(self, attribute: Any, empty: NDArray[Any]) -> NDArray[Any]:
         """An array attribute as `empty` is: also of a primvar, whose type no schema fixes."""

@@ -31,6 +31,8 @@ from warpmis.usd.reading import (
 from warpmis.usd.settings import read_settings
 
 PURPOSES = {"default", "render", "proxy", "guide"}
+# usdrecord's names, and how many times each refines a subdivision surface.
+COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
 
 
 def load_stage(
@@ -41,6 +43,7 @@ def load_stage(
     width: int | None = None,
     purposes: tuple[str, ...] = ("render",),
     render_settings: str | None = None,
+    complexity: str = "high",
 ) -> Scene:
     """Reads a stage at one time into a Scene, everything in world space.
 
@@ -54,14 +57,18 @@ def load_stage(
             resolution, or 960.
         purposes: purposes to render besides "default", of "render", "proxy" and "guide".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
+        complexity: how often subdivision surfaces are refined: "low" not at all, "medium" once, "high" twice,
+            "veryhigh" three times.
 
     Raises:
         StageError: the stage is missing, unreadable or empty, or has no such camera or settings.
-        ConfigError: width is below 1, or there is no such purpose.
+        ConfigError: width is below 1, or there is no such purpose or complexity.
     """
     unknown = ", ".join(sorted(set(purposes) - PURPOSES))
     if unknown:
         raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")
+    if complexity not in COMPLEXITIES:
+        raise ConfigError(f"unknown complexity {complexity}; there are {', '.join(COMPLEXITIES)}")
     # What is not finite is looked for and warned about by name; NumPy's own warnings would add nothing.
     with captured_diagnostics() as messages, np.errstate(all="ignore"):
         stage = path_or_stage if isinstance(path_or_stage, Usd.Stage) else _open(os.fspath(path_or_stage))
@@ -69,6 +76,7 @@ def load_stage(
             stage=stage,
             time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
             purposes=frozenset({"default", *purposes}),
+            levels=COMPLEXITIES[complexity],
         )
         composition_warnings(reading)
         scene = _read_scene(reading, camera, width, render_settings)
