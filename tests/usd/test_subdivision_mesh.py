@@ -122,14 +122,16 @@ def test_holes_are_not_shown_but_shape_the_surface():
     assert corners(holed)[..., 2].mean(axis=1).max() < corners(whole)[..., 2].mean(axis=1).max()
 
 
-def test_subsets_follow_their_faces():
-    inside = """
+@pytest.mark.parametrize("broken", [0, 3])
+def test_subsets_follow_their_faces(broken):
+    """The top is face 1, after as many faces as are broken."""
+    inside = f"""
     def GeomSubset "top"
-    {
+    {{
         uniform token familyName = "materialBind"
-        int[] indices = [1]
+        int[] indices = [{1 + broken}]
         rel material:binding = </Red>
-    }
+    }}
 """
     material = """
 def Material "Red"
@@ -143,7 +145,8 @@ def Material "Red"
     }
 }
 """
-    scene = load(cube(inside=inside) + material)
+    text = cube(inside=inside).replace(f"{COUNTS['quads']}", f"{[2] * broken + COUNTS['quads']}")
+    scene = load(text.replace(f"{QUADS}", f"{[0, 1] * broken + QUADS}") + material)
     red = np.array([scene.materials[index].path == "/Red" for index in scene.geometry.materials])
     assert red.sum() == 32
     # the middle of a triangle on the top lies nearest to the top of the cube's six sides
