@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
+from warpmis.usd.authored import read_authored
 from warpmis.usd.geometry import FloatArray, IntArray, Surface, flat_surface
 from warpmis.usd.polygons import Polygons, triangulate
-from warpmis.usd.reading import Reading
+from warpmis.usd.reading import Reading, consistent_counts
 from warpmis.usd.refined_mesh import RefinedMesh, refined_mesh
 
 
@@ -48,7 +49,8 @@ def _read_polygons(mesh: Any, reading: Reading) -> Polygons:
     path = mesh.GetPath()
     points = reading.vectors(mesh.GetPointsAttr())
     indices = reading.indices(mesh.GetFaceVertexIndicesAttr())
-    counts = _consistent_counts(reading.indices(mesh.GetFaceVertexCountsAttr()), len(indices), path, reading)
+    counts = reading.indices(mesh.GetFaceVertexCountsAttr())
+    counts = consistent_counts(counts, len(indices), ("faceVertexCounts", "faceVertexIndices", "faces"), path, reading)
     usable = counts >= 3
     face = np.repeat(np.arange(len(counts)), counts)
     indices = indices[: len(face)]
@@ -76,44 +78,16 @@ def _holes(mesh: Any, polygons: Polygons, reading: Reading) -> IntArray:
     return holes[(holes >= 0) & (holes < len(polygons.counts))]
 
 
-def _consistent_counts(counts: IntArray, corners: int, path: object, reading: Reading) -> IntArray:
-    """The longest run of faceVertexCounts from the start that is not negative and has all its corners."""
-    consistent = np.logical_and.accumulate(counts >= 0) & (np.cumsum(counts) <= corners)
-    number = int(np.logical_and.accumulate(consistent).sum()) if len(counts) else 0
-    if number < len(counts) or counts.sum() != corners:
-        reading.warn(
-            path,
-            f"faceVertexCounts add up to {counts.sum()} but there are {corners} faceVertexIndices; "
-            f"the first {number} faces are used",
-        )
-    return counts[:number]
-
-
 def _authored_normals(mesh: Any, refined: RefinedMesh, reading: Reading) -> tuple[FloatArray, IntArray] | None:
-    """Authored normals, shape (m, 3), and the row of each of the polygons' corners, shape (c,); None without any.
-
-    primvars:normals goes before `normals`; values of the wrong number are left out with a warning.
-    """
-    primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
-    indices = np.empty(0, np.int64)
-    if primvar and primvar.HasAuthoredValue():
-        values, interpolation = reading.vectors(primvar.GetAttr()), str(primvar.GetInterpolation())
-        if primvar.IsIndexed():
-            indices = reading.indices(primvar.GetIndicesAttr())
-    else:
-        values, interpolation = reading.vectors(mesh.GetNormalsAttr()), str(mesh.GetNormalsInterpolation())
-    if not len(values):
-        return None
-    expected = {
+    """Authored normals, shape (m, 3), and the row of each of the polygons' corners, shape (c,); None without any."""
+    authored = refined.authored
+    points = len(authored.points)
+    elements = {
         "constant": 1,
-        "uniform": len(refined.authored.counts),
-        "faceVarying": len(refined.authored.indices),
-    }.get(interpolation, len(refined.authored.points))
-    found = len(indices) or len(values)
-    if found != expected:
-        reading.warn(mesh.GetPath(), f"{found} {interpolation} normals left out: {expected} are needed")
-        return None
-    if len(indices) and (indices.min() < 0 or indices.max() >= len(values)):
-        reading.warn(mesh.GetPath(), f"normals left out: their indices lie outside the {len(values)} values")
-        return None
-    return refined.primvar(values, indices, interpolation)
+        "uniform": len(authored.counts),
+        "faceVarying": len(authored.indices),
+        "vertex": points,
+        "varying": points,
+    }
+    normals = read_authored(mesh.GetPrim(), "normals", str(mesh.GetNormalsInterpolation()), elements, reading)
+    return None if normals is None else refined.primvar(*normals)

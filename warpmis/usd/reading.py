@@ -95,6 +95,25 @@ def _is_convertible(value: NDArray[Any], expected: NDArray[Any]) -> bool:
     return value.shape == expected.shape
 
 
+def consistent_counts(
+    counts: NDArray[np.int64], elements: int, names: tuple[str, str, str], path: object, reading: Reading
+) -> NDArray[np.int64]:
+    """The longest run of counts from the start that are not negative and have all their elements.
+
+    Args:
+        names: of the counts, of the elements, and of what is counted, for the warning.
+    """
+    consistent = np.logical_and.accumulate(counts >= 0) & (np.cumsum(counts) <= elements)
+    number = int(np.logical_and.accumulate(consistent).sum()) if len(counts) else 0
+    if number < len(counts) or counts.sum() != elements:
+        reading.warn(
+            path,
+            f"{names[0]} add up to {counts.sum()} but there are {elements} {names[1]}; "
+            f"the first {number} {names[2]} are used",
+        )
+    return counts[:number]
+
+
 def one_line(error: BaseException) -> str:
     """What went wrong first in a pxr exception, without the place in the C++ sources."""
     first = error.args[0] if error.args else error

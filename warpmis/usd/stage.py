@@ -14,11 +14,13 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSkel
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import read_camera, world_bounds
+from warpmis.usd.curves import read_curves
 from warpmis.usd.geometry import GeometryBuilder, Surface
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.material import MaterialReader
 from warpmis.usd.mesh import read_mesh
+from warpmis.usd.points import read_points
 from warpmis.usd.primitives import is_primitive, read_primitive
 from warpmis.usd.reading import (
     PxrError,
@@ -200,6 +202,10 @@ def read_surface(prim: Any, reading: Reading) -> Surface | None:
     """The triangles of a gprim in its own space; None, with a warning, for a type that is not supported."""
     if prim.IsA(UsdGeom.Mesh):
         return read_mesh(prim, reading)
+    if prim.IsA(UsdGeom.BasisCurves):
+        return read_curves(prim, reading)
+    if prim.IsA(UsdGeom.Points):
+        return read_points(prim, reading)
     type_name = str(prim.GetTypeName())
     if is_primitive(type_name):
         return read_primitive(prim, reading)
