@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from warpmis.config import LearnConfig, RenderConfig
@@ -29,6 +30,9 @@ def render(
     render_settings: str | None = None,
     time: float | None = None,
     complexity: str = "high",
+    variants: Sequence[str] = (),
+    mask: Sequence[str] = (),
+    session_layer: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | None = None,
     features: Features | None = None,
     **settings: Any,
@@ -39,8 +43,8 @@ def render(
         stage: path of a USD file, a Usd.Stage, or a Scene.
         config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
             initial_allocation) one by one.
-        camera, purposes, render_settings, time, complexity: what to read of the stage, as in load_stage; a Scene has
-            been read already.
+        camera, purposes, render_settings, time, complexity, variants, mask, session_layer: what to read of the stage,
+            as in load_stage; a Scene has been read already.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
 
@@ -63,6 +67,9 @@ def render(
             render_settings=render_settings,
             time=time,
             complexity=complexity,
+            variants=variants,
+            mask=mask,
+            session_layer=session_layer,
         )
     scene = resized(scene, config.width)
     return render_scene(scene, config, features, reporter)
