@@ -47,7 +47,7 @@ def write_stage(path: Path, meshes: int, triangles: int, scheme: str) -> None:
     stage = Usd.Stage.CreateNew(str(path))
     for number in range(meshes):
         mesh = UsdGeom.Mesh.Define(stage, f"/World/Group{number // 100}/Mesh{number}")
-        points = flat + [1.1 * (number % columns), 1.1 * (number // columns), 0.0]
+        points = flat + np.array([1.1 * (number % columns), 1.1 * (number // columns), 0.0])
         points[:, 2] = 0.05 * bumps.random(len(points))
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
         mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(quads.reshape(-1)))

@@ -1,12 +1,13 @@
-"""Polygons to triangles: fans for the convex ones, ear clipping for the few that need it. NumPy alone."""
+"""Polygons to triangles: fans for the convex ones, ear clipping for the few that need it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from warpmis.usd.ears import clip_ears
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -56,9 +57,10 @@ def triangulate(polygons: Polygons) -> tuple[IntArray, IntArray]:
     step = np.arange(triangles.sum()) - np.repeat(first, triangles)
     size, pivot = np.repeat(counts, triangles), np.repeat(pivots, triangles)
     corners = np.stack([pivot, (pivot + step + 1) % size, (pivot + step + 2) % size], axis=-1)
-    for i in np.flatnonzero(clipped):
-        outline = polygons.points[polygons.indices[starts[i] : starts[i] + counts[i]]]
-        corners[first[i] : first[i] + triangles[i]] = clip_ears(outline)
+    for count in np.unique(counts[clipped]):
+        rows = np.flatnonzero(clipped & (counts == count))
+        outlines = polygons.points[polygons.indices[starts[rows, None] + np.arange(count)]]
+        corners[first[rows, None] + np.arange(count - 2)] = clip_ears(outlines)
     corners += np.repeat(starts, triangles)[:, None]
     return corners, np.repeat(faces, triangles)
 
@@ -100,51 +102,3 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     pivots[large[row[single]]] = (corner - corner[begin][row])[single]
     clipped[large] = (number > 1) & (counts > 4)
     return pivots, clipped
-
-
-def clip_ears(outline: FloatArray) -> IntArray:
-    """Ear clipping of one simple polygon.
-
-    Args:
-        outline: corners in order, about planar, shape (n, 3).
-
-    Returns:
-        Local corner indices, shape (n - 2, 3), wound as the outline. What is left of a polygon that crosses itself
-        becomes a fan.
-    """
-    flat = _flattened(outline)
-    remaining = list(range(len(outline)))
-    triangles: list[tuple[int, int, int]] = []
-    while len(remaining) > 3:
-        ear = next((i for i in range(len(remaining)) if _is_ear(flat, remaining, i)), None)
-        if ear is None:
-            break
-        triangles.append((remaining[ear - 1], remaining[ear], remaining[(ear + 1) % len(remaining)]))
-        del remaining[ear]
-    triangles += [(remaining[0], remaining[i], remaining[i + 1]) for i in range(1, len(remaining) - 1)]
-    return np.array(triangles, np.int64)
-
-
-def _flattened(outline: FloatArray) -> FloatArray:
-    """The outline in its own plane, counter-clockwise, shape (n, 2): the normal's largest axis is left out."""
-    local = outline - outline[0]
-    normal = np.cross(local, np.roll(local, -1, axis=0)).sum(axis=0)
-    axis = int(np.argmax(np.abs(normal)))
-    flat = local[:, [(axis + 1) % 3, (axis + 2) % 3]]
-    return np.asarray(flat if normal[axis] > 0 else flat * np.array([-1.0, 1.0]))
-
-
-def _is_ear(flat: FloatArray, remaining: list[int], i: int) -> bool:
-    """Whether corner i of the remaining polygon is convex with no other corner inside its triangle."""
-    before, here, after = remaining[i - 1], remaining[i], remaining[(i + 1) % len(remaining)]
-    a, b, c = flat[before], flat[here], flat[after]
-    if _cross2(b - a, c - a) <= 0.0:
-        return False
-    others = flat[[j for j in remaining if j not in (before, here, after)]]
-    others = others[(others != a).any(axis=1) & (others != b).any(axis=1) & (others != c).any(axis=1)]
-    inside = (_cross2(b - a, others - a) >= 0) & (_cross2(c - b, others - b) >= 0) & (_cross2(a - c, others - c) >= 0)
-    return not bool(inside.any())
-
-
-def _cross2(u: FloatArray, v: FloatArray) -> Any:
-    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
