@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ BoolArray = NDArray[np.bool_]
 
 # A corner turns inwards where its cross product points against the face normal by more than this share of the area.
 REFLEX_TOLERANCE = 1e-7
+# Faces are looked at in batches of this many, whose scratch memory fits a processor's cache.
+BATCH_FACES = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +36,7 @@ class Polygons:
     indices: IntArray
     usable: BoolArray
 
-    @property
+    @cached_property
     def starts(self) -> IntArray:
         """First corner of each face, shape (m,)."""
         return np.cumsum(self.counts) - self.counts
@@ -86,10 +89,17 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     pivots = np.zeros(len(faces), np.int64)
     clipped = np.zeros(len(faces), bool)
     large = np.flatnonzero(polygons.counts[faces] >= 4)
-    if not len(large):
-        return pivots, clipped
-    corner, before, after, row = corner_neighbours(polygons, faces[large])
-    counts = polygons.counts[faces[large]]
+    for first in range(0, len(large), BATCH_FACES):
+        batch = large[first : first + BATCH_FACES]
+        pivots[batch], clipped[batch] = _large_fan_pivots(polygons, faces[batch])
+    return pivots, clipped
+
+
+def _large_fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArray]:
+    """The same of faces of four corners or more."""
+    pivots = np.zeros(len(faces), np.int64)
+    corner, before, after, row = corner_neighbours(polygons, faces)
+    counts = polygons.counts[faces]
     begin = np.cumsum(counts) - counts
     p = polygons.points[polygons.indices[corner]]
     origin = p[begin][row]
@@ -99,6 +109,5 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     reflex = turn < -REFLEX_TOLERANCE * np.einsum("ij,ij->i", normal, normal)[row]
     number = np.add.reduceat(reflex.astype(np.int64), begin)
     single = reflex & (number == 1)[row]
-    pivots[large[row[single]]] = (corner - corner[begin][row])[single]
-    clipped[large] = (number > 1) & (counts > 4)
-    return pivots, clipped
+    pivots[row[single]] = (corner - corner[begin][row])[single]
+    return pivots, (number > 1) & (counts > 4)

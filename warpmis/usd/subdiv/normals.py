@@ -12,6 +12,9 @@ from warpmis.usd.subdiv.limit import SHARP
 from warpmis.usd.subdiv.masks import LOOP, Scheme, gathered
 from warpmis.usd.subdiv.topology import FloatArray, IntArray, Topology
 
+# Tangents are summed for so many vertices at a time: their terms then fit a processor's cache.
+BATCH_VERTICES = 1 << 15
+
 
 def limit_normals(
     scheme: Scheme, topology: Topology, points: FloatArray, limits: FloatArray
@@ -45,23 +48,26 @@ def _tangent_normals(scheme: Scheme, topology: Topology, points: FloatArray) -> 
     """
     inside = _has_smooth_faces(topology)
     valence = np.bincount(topology.indices, minlength=len(points))
-    tangents = np.zeros((2, len(points), 3))
-    vertices = np.flatnonzero(inside)
     start = np.zeros(len(points), np.int64)
     start[topology.indices] = np.arange(len(topology.indices))
-    corners, turn = start[vertices], 0
-    while len(vertices):
-        ahead = topology.following[corners]
-        near, far = points[topology.indices[ahead]], points[topology.indices[topology.following[ahead]]]
-        step = (2.0 * np.pi / valence[vertices])[:, None]
-        for tangent, wave in zip(tangents, (np.cos, np.sin), strict=True):
-            tangent[vertices] += _tangent_terms(scheme, wave, turn, step, near, far)
-        corners, turn = topology.twins[topology.preceding[corners]], turn + 1
-        done = valence[vertices] == turn
-        closes = corners == start[vertices]
-        inside[vertices[done != closes]] = False  # two rings of faces that touch in a vertex
-        vertices, corners = vertices[~done & ~closes], corners[~done & ~closes]
-    return inside, np.cross(tangents[0], tangents[1])
+    normals = np.zeros((len(points), 3))
+    for first in range(0, len(points), BATCH_VERTICES):
+        batch = first + np.flatnonzero(inside[first : first + BATCH_VERTICES])
+        rows, vertices, corners, turn = np.arange(len(batch)), batch, start[batch], 0
+        tangents = np.zeros((2, len(batch), 3))
+        while len(rows):
+            ahead = topology.following[corners]
+            near, far = points[topology.indices[ahead]], points[topology.indices[topology.following[ahead]]]
+            step = (2.0 * np.pi / valence[vertices])[:, None]
+            for tangent, wave in zip(tangents, (np.cos, np.sin), strict=True):
+                tangent[rows] += _tangent_terms(scheme, wave, turn, step, near, far)
+            corners, turn = topology.twins[topology.preceding[corners]], turn + 1
+            done, closes = valence[vertices] == turn, corners == start[vertices]
+            inside[vertices[done != closes]] = False  # two rings of faces that touch in a vertex
+            more = ~done & ~closes
+            rows, vertices, corners = rows[more], vertices[more], corners[more]
+        normals[batch] = np.cross(tangents[0], tangents[1])
+    return inside, normals
 
 
 def _tangent_terms(
