@@ -273,6 +273,12 @@ def test_points_that_coincide_give_no_nan(basis, points):
     check_invariants(scene)
 
 
+def test_curve_that_turns_back_on_itself_keeps_its_normals_in_front():
+    """The bevel's slivers are at right angles to their normals, but for rounding."""
+    points = [[0, 2, 1], [1, 2, 1], [0, 0, 0], [2, 1, 0], [1, 0, 2], [1, 0, 2], [2, 1, 0]]
+    check_invariants(load(curves(points, [1, 6], "linear", more="")))
+
+
 def test_coinciding_linear_points_change_nothing():
     once = load(curves([[0, 0, 0], [0, 0, 1]], kind="linear"))
     twice = load(curves([[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]], kind="linear"))

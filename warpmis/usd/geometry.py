@@ -100,7 +100,7 @@ class GeometryBuilder:
         self._append("materials", np.tile(materials, count)[keep].astype(np.int32))
         self._append("prims", np.full(len(triangles), len(self.prims) - 1, np.int32))
         self._append("points", points)
-        self._append("normals", normals.astype(np.float32))
+        self._append("normals", normals)
         return int((~inside).sum())
 
     def _append(self, name: str, rows: NDArray[Any]) -> None:
@@ -131,7 +131,7 @@ def cofactors(linear: FloatArray) -> FloatArray:
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
 
 
-def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, NDArray[np.float32], IntArray]:
     """Triangles, unit normals and normal indices of all instances; a mirrored one is wound the other way."""
     linear = matrices[:, :3, :3]
     scale = np.abs(linear).max(axis=(1, 2), keepdims=True)
@@ -150,14 +150,14 @@ def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, 
     )
 
 
-def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> FloatArray:
-    """Unit normals of all instances, shape (k * m, 3); NaN for one without a direction."""
+def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Unit normals of all instances as float32 holds them, shape (k * m, 3); NaN for one without a direction."""
     if not len(normals):
-        return np.empty((0, 3))
+        return np.empty((0, 3), np.float32)
     carried = normals @ cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
     length = np.linalg.norm(carried, axis=-1, keepdims=True)
     unit = np.where((length > 0.0) & np.isfinite(length), carried / length, np.nan)
-    return unit.reshape(-1, 3)
+    return unit.reshape(-1, 3).astype(np.float32)
 
 
 def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> FloatArray:
@@ -166,15 +166,17 @@ def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> Flo
     return np.cross(b - a, c - a)
 
 
-def _facing_front(normals: FloatArray, indices: IntArray, front: FloatArray) -> tuple[FloatArray, IntArray]:
+def _facing_front(
+    normals: NDArray[np.float32], indices: IntArray, front: FloatArray
+) -> tuple[NDArray[np.float32], IntArray]:
     """Shading normals made to lie on the front side of every triangle that uses them.
 
     A triangle whose three normals all point to its back gets their opposites; one whose normals disagree, or are
     zero or NaN, becomes flat.
     """
     if not len(normals) or not len(indices):
-        return np.empty((0, 3)), np.full(indices.shape, -1, np.int64)
-    cosine = np.einsum("fcj,fj->fc", normals[indices], front)
+        return np.empty((0, 3), np.float32), np.full(indices.shape, -1, np.int64)
+    cosine = np.einsum("fcj,fj->fc", normals[indices].astype(np.float64), front)
     flat = (indices < 0).any(axis=1)
     ahead = (cosine > 0.0).all(axis=1) & ~flat
     behind = (cosine < 0.0).all(axis=1) & ~flat
