@@ -95,7 +95,7 @@ def test_normals_inside_are_those_of_the_spline():
     quads, points = grid(7)
     points[:, 2] = points[:, 0] ** 2
     refinement = Refinement(cage_of(quads, 49), CATMULL_CLARK, 2)
-    limit, normals, rows = refinement.surface(points)
+    limit, (normals, rows) = refinement.surface(points)
     np.testing.assert_array_equal(rows, refinement.finest.indices)
     inside = ((limit[:, :2] > 1.5) & (limit[:, :2] < 4.5)).all(axis=1)
     assert inside.sum() > 100
@@ -118,7 +118,7 @@ def test_normal_of_an_extraordinary_vertex_is_the_same_from_every_level(scheme, 
     faces, used = (star(n), points) if scheme is CATMULL_CLARK else (fan(n), points[: n + 1])
     normals = []
     for levels in (1, 2, 5):
-        _, values, _ = Refinement(cage_of(faces, len(used)), scheme, levels).surface(used)
+        _, (values, _) = Refinement(cage_of(faces, len(used)), scheme, levels).surface(used)
         normals.append(values[0] / np.linalg.norm(values[0]))
     assert normals[0][2] > 0.5
     np.testing.assert_allclose(normals[1:], [normals[0]] * 2, atol=1e-9)
@@ -230,7 +230,7 @@ def test_edges_of_three_faces_and_of_faces_wound_against_each_other_are_sharp():
 def test_normals_break_at_creases():
     edges = [(a, b, np.inf) for a in range(8) for b in range(a) if np.abs(CUBE[a] - CUBE[b]).sum() == 1]
     refinement = Refinement(cage_of(CUBE_QUADS, 8, edges), CATMULL_CLARK, 2)
-    _, normals, rows = refinement.surface(CUBE)
+    _, (normals, rows) = refinement.surface(CUBE)
     fronts = np.array([[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]])
     corners = normals[rows] / np.linalg.norm(normals[rows], axis=1, keepdims=True)
     np.testing.assert_allclose(corners, fronts[refinement.parents[refinement.finest.faces]], atol=1e-12)

@@ -175,6 +175,12 @@ def test_loop_refines_triangles_alone():
     assert mentions(quads, "/M", "loop", "triangles")
 
 
+def test_unknown_scheme_is_the_default_one_with_a_warning():
+    scene = load(cube(scheme="doo"))
+    assert len(scene.geometry.triangles) == 192
+    assert mentions(scene, "/M", "subdivisionScheme doo is not known")
+
+
 def test_bilinear_keeps_the_shape_and_is_flat():
     scene = load(cube(scheme="bilinear"))
     assert len(scene.geometry.triangles) == 192

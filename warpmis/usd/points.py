@@ -8,10 +8,10 @@ import numpy as np
 from pxr import UsdGeom
 
 from warpmis.usd.authored import read_authored
-from warpmis.usd.geometry import FloatArray, Surface
+from warpmis.usd.geometry import FloatArray, IntArray, Surface
 from warpmis.usd.reading import Reading
 from warpmis.usd.subdiv.masks import LINEAR_TRIANGLES
-from warpmis.usd.subdiv.topology import IntArray, edge_table
+from warpmis.usd.subdiv.topology import edge_table
 
 # Points are rendered as icosahedra refined as often as subdivision surfaces, but not beyond this.
 MAX_TRIANGLES = 1 << 22

@@ -28,7 +28,7 @@ class RefinedMesh:
         authored: the polygons as authored.
         refinement: of the authored faces that are sound; None for a mesh that is rendered as authored.
         sound_corners: the authored corner of each of the refinement's cage, shape (c,).
-        limit_normals: of the refinement, any length, shape (k, 3), and the row of each corner, shape (c',).
+        limit_normals: of a smooth refinement, any length, shape (k, 3), and the row of each corner, shape (c',).
     """
 
     polygons: Polygons
@@ -45,23 +45,27 @@ class RefinedMesh:
             values: as authored, shape (u, k), u being what the interpolation needs unless there are indices.
             indices: the primvar's, in range, or none, shape (i,) or (0,).
         """
-        at_corners = np.repeat(np.arange(len(self.polygons.counts)), self.polygons.counts)
-        if interpolation == "constant":
-            rows = np.zeros_like(at_corners)
-        elif interpolation == "uniform":
-            rows = self.faces[at_corners]
-        elif interpolation == "faceVarying":
-            if self.refinement is not None:
-                rows = (indices if len(indices) else equal_rows(values))[self.sound_corners]
-                return self.refinement.face_varying(values, rows)
-            rows = np.arange(len(at_corners))
-        else:
-            if self.refinement is not None:
-                at_points = values[indices] if len(indices) else values
-                refined = self.refinement.varying if interpolation == "varying" else self.refinement.points
-                return refined(at_points), self.polygons.indices
-            rows = self.polygons.indices
-        return values, indices[rows] if len(indices) else rows
+        if self.refinement is None or interpolation in ("constant", "uniform"):
+            rows = self._elements(interpolation)
+            return values, indices[rows] if len(indices) else rows
+        if interpolation == "faceVarying":
+            rows = indices if len(indices) else equal_rows(values)
+            return self.refinement.face_varying(values, rows[self.sound_corners])
+        at_points = values[indices] if len(indices) else values
+        refined = self.refinement.varying if interpolation == "varying" else self.refinement.points
+        return refined(at_points), self.polygons.indices
+
+    def _elements(self, interpolation: str) -> IntArray:
+        """The element that each corner has its value from, where values are not refined, shape (c',)."""
+        match interpolation:
+            case "constant":
+                return np.zeros(len(self.polygons.indices), np.int64)
+            case "uniform":
+                return np.repeat(self.faces, self.polygons.counts)
+            case "faceVarying":
+                return np.arange(len(self.polygons.indices))
+            case _:
+                return self.polygons.indices
 
     def smooth_normals(self) -> tuple[FloatArray, IntArray]:
         """The limit surface's normals or, unrefined, averages over the polygons about a point; rows as `primvar`'s."""
@@ -102,10 +106,14 @@ def refined_mesh(mesh: Any, polygons: Polygons, scheme_name: str, holes: IntArra
     cage, hidden = read_cage(mesh, polygons.counts[sound], polygons.indices[corners], len(polygons.points), reading)
     linear = str(reading.get(mesh.GetFaceVaryingLinearInterpolationAttr(), "cornersPlus1"))
     refinement = Refinement(cage, scheme, levels, linear)
-    points, normals, rows = refinement.surface(polygons.points)
+    normals: tuple[FloatArray, IntArray] | None = None
+    if scheme is BILINEAR:  # which is flat
+        points = refinement.points(polygons.points)
+    else:
+        points, normals = refinement.surface(polygons.points)
     finest = refinement.finest
     refined = Polygons(points, finest.counts, finest.indices, (shown[sound] & ~hidden)[refinement.parents])
-    return RefinedMesh(refined, sound[refinement.parents], polygons, refinement, corners, (normals, rows))
+    return RefinedMesh(refined, sound[refinement.parents], polygons, refinement, corners, normals)
 
 
 def _scheme(mesh: Any, polygons: Polygons, name: str, reading: Reading) -> Scheme | None:
@@ -119,6 +127,8 @@ def _scheme(mesh: Any, polygons: Polygons, name: str, reading: Reading) -> Schem
             reading.warn(mesh.GetPath(), "loop subdivision is for triangles alone; rendered as the cage's polygons")
             return None
         return LOOP
+    if name != "catmullClark":
+        reading.warn(mesh.GetPath(), f"subdivisionScheme {name} is not known; catmullClark is used")
     rule = str(reading.get(mesh.GetTriangleSubdivisionRuleAttr(), "catmullClark"))
     return CATMULL_CLARK_SMOOTH_TRIANGLES if rule == "smooth" else CATMULL_CLARK
 

@@ -51,11 +51,11 @@ class Refinement:
         """Limits of values at the cage's vertices, interpolated as its points are, shapes (n, k) and (n', k)."""
         return _limits(self.topologies, self.scheme, values)
 
-    def surface(self, points: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-        """The points, their normals, broken at creases and of any length, and the normal's row of each corner."""
+    def surface(self, points: FloatArray) -> tuple[FloatArray, tuple[FloatArray, IntArray]]:
+        """`points` of the cage's points; and normals, broken at creases and of any length, with each corner's row."""
         refined = _refined(self.topologies, self.scheme, points)
         limits = limit_values(self.scheme, self.finest, refined)
-        return limits, *limit_normals(self.scheme, self.finest, refined, limits)
+        return limits, limit_normals(self.scheme, self.finest, refined, limits)
 
     def varying(self, values: FloatArray) -> FloatArray:
         """Values at the cage's vertices interpolated linearly, shapes (n, k) and (n', k)."""
