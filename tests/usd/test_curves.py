@@ -238,11 +238,12 @@ def test_complexity_says_how_fine(complexity, triangles):
     assert len(load(curves(CONTROL[:4]), complexity=complexity).geometry.triangles) == 2 * triangles
 
 
-def test_many_curves_are_rendered_in_less_detail(monkeypatch):
-    monkeypatch.setattr(curves_module, "MAX_TRIANGLES", 20)
+@pytest.mark.parametrize(("most", "triangles"), [(1000, 2 * 8 * 8), (100, 2 * 4 * 6), (20, 2 * 2 * 4), (10, 2 * 3)])
+def test_many_curves_are_rendered_in_less_detail(monkeypatch, most, triangles):
+    monkeypatch.setattr(curves_module, "MAX_TRIANGLES", most)
     scene = load(curves(CONTROL[:4]))
-    assert len(scene.geometry.triangles) == 16
-    assert mentions(scene, "/C", "less detail")
+    assert len(scene.geometry.triangles) == triangles
+    assert mentions(scene, "/C", "less detail") == (most < 1000)
 
 
 BROKEN = {

@@ -6,6 +6,7 @@ import pytest
 from pxr import Sdf, Usd
 from usd.stages import SQUARE, stage_of
 
+from warpmis import rendering
 from warpmis.errors import StageError
 from warpmis.usd import load_stage
 
@@ -192,3 +193,18 @@ def test_what_the_caller_masked_and_muted_stays_so(tmp_path):
     assert sorted(paths(load_stage(stage, variants=selection))) == ["/Car/Sedan", "/More"]
     stage.MuteLayer(str(tmp_path / "more.usda"))
     assert paths(load_stage(stage, variants=selection)) == ["/Car/Sedan"]
+
+
+def test_render_hands_all_stage_options_to_the_reader(monkeypatch):
+    given = {"time": 3.0, "complexity": "low", "variants": ["/A{b=c}"], "mask": ["/A"], "session_layer": "s.usda"}
+    given |= {"camera": "/C", "purposes": ("proxy",), "render_settings": "/R"}
+    seen = {}
+
+    def load(stage, **options):
+        seen.update(options)
+        raise StageError("seen")
+
+    monkeypatch.setattr(rendering, "load", load)
+    with pytest.raises(StageError, match="seen"):
+        rendering.render("stage.usda", width=32, **given)
+    assert seen == given | {"width": 32}

@@ -17,9 +17,10 @@ from warpmis.usd.reading import Reading, consistent_counts
 
 BoolArray = NDArray[np.bool_]
 
-# By the reading's levels: pieces of a cubic segment, and sides of a tube. Normals make few sides look round.
-PIECES = (2, 4, 8, 12)
-SIDES = (4, 6, 8, 12)
+# Pieces of a cubic segment and sides of a tube: for curves too many for more, and by the reading's levels. Normals make
+# few sides look round.
+COARSEST = (1, 3)
+DETAILS = ((2, 4), (4, 6), (8, 8), (12, 12))
 # Curves are cut into fewer pieces where they would have more triangles than this.
 MAX_TRIANGLES = 1 << 22
 # Two segments whose tangents have at least this cosine pass smoothly into each other; others meet in a kink.
@@ -92,12 +93,13 @@ def _sound_curves(prim: Any, counts: IntArray, points: FloatArray, segments: Seg
 def _detail(prim: Any, segments: Segments, normals: Authored | None, reading: Reading) -> tuple[int, int]:
     """Pieces of a segment and sides of a tube (1 for a ribbon), fewer where there would be too many triangles."""
     straight = segments.basis == "linear" and (normals is None or normals.interpolation in ("constant", "uniform"))
-    for level in range(reading.levels, -1, -1):
-        pieces = 1 if straight else PIECES[level]
-        sides = SIDES[level] if normals is None else 1
+    asked = DETAILS[reading.levels]
+    for detail in (asked, *DETAILS[: reading.levels][::-1], COARSEST):
+        pieces = 1 if straight else detail[0]
+        sides = detail[1] if normals is None else 1
         if 2 * len(segments.curve) * pieces * sides <= MAX_TRIANGLES:
             break
-    if level < reading.levels:
+    if detail != asked:
         reading.warn(prim.GetPath(), f"its {len(segments.curve)} segments are rendered in less detail than asked for")
     return pieces, sides
 
