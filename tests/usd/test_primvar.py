@@ -153,3 +153,22 @@ def test_values_that_cannot_be_placed_give_one_color_with_a_warning():
     first = load(f'def Cube "C"\n{{\n{colors} ( interpolation = "constant" )\n}}\n')
     assert first.materials[0].diffuse_color == (1, 0, 0)
     assert mentions(first, "/C", "displayColor", "first")
+
+
+def test_vertex_primvars_of_a_refined_mesh_follow_its_points():
+    """Color is position at the cage's points, and by linearity at every point of the refined surface."""
+    text = """def Mesh "Q"
+{
+    uniform token subdivisionScheme = "catmullClark"
+    uniform token interpolateBoundary = "edgeOnly"
+    int[] faceVertexCounts = [4, 4]
+    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+    point3f[] points = [(0, 0, 0), (0.4, 0, 0), (1, 0, 0), (0, 1, 0), (0.7, 1, 0), (1, 1, 0)]
+    color3f[] primvars:displayColor = [(0, 0, 0), (0.4, 0, 0), (1, 0, 0), (0, 1, 0), (0.7, 1, 0), (1, 1, 0)] (
+        interpolation = "vertex"
+    )
+}
+"""
+    xy = 0.2 + 0.6 * np.random.default_rng(0).random((20, 2))
+    # The points move on to the limit surface, the colors stay at the last refinement.
+    np.testing.assert_allclose(seen_at(load(text), xy)["diffuse"][:, :2], xy, atol=0.03)

@@ -31,8 +31,8 @@ class Surface:
         faces: the polygon that each triangle came from, shape (f,).
         normals: shading normals, of any length, shape (m, 3); none for a flat surface.
         normal_indices: shape (f, 3), -1 for a flat triangle.
-        corners: of each triangle corner its place in the mesh's faceVertexIndices, shape (f, 3), which faceVarying
-            primvars follow; None for a gprim that is no mesh.
+        corners: of each triangle corner its place among the corners of `mesh`, shape (f, 3).
+        mesh: carries primvars to the corners of a mesh's polygons (a refined_mesh.RefinedMesh); None for other gprims.
     """
 
     points: FloatArray
@@ -41,11 +41,14 @@ class Surface:
     normals: FloatArray
     normal_indices: IntArray
     corners: IntArray | None = None
+    mesh: Any = None
 
 
-def flat_surface(points: FloatArray, triangles: IntArray, faces: IntArray, corners: IntArray | None = None) -> Surface:
+def flat_surface(
+    points: FloatArray, triangles: IntArray, faces: IntArray, corners: IntArray | None = None, mesh: Any = None
+) -> Surface:
     """A surface without shading normals."""
-    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64), corners)
+    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64), corners, mesh)
 
 
 def reversed_surface(surface: Surface) -> Surface:
@@ -57,6 +60,7 @@ def reversed_surface(surface: Surface) -> Surface:
         -surface.normals,
         surface.normal_indices[:, ::-1],
         None if surface.corners is None else surface.corners[:, ::-1],
+        surface.mesh,
     )
 
 
@@ -117,7 +121,7 @@ class GeometryBuilder:
         self._append("primvars", _wound(shading.primvars, is_mirrored(matrices))[keep])
         self._append("prims", np.full(len(triangles), len(self.prims) - 1, np.int32))
         self._append("points", points)
-        self._append("normals", normals.astype(np.float32))
+        self._append("normals", normals)
         return int((~inside).sum())
 
     def _append(self, name: str, rows: NDArray[Any]) -> None:
@@ -168,7 +172,7 @@ def _wound(rows: NDArray[np.float32], mirrored: NDArray[np.bool_]) -> NDArray[np
     return wound.reshape(len(mirrored) * len(rows), *rows.shape[1:])
 
 
-def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, NDArray[np.float32], IntArray]:
     """Triangles, unit normals and normal indices of all instances; a mirrored one is wound the other way."""
     linear = without_scale(matrices)
     mirrored = is_mirrored(matrices)
@@ -185,14 +189,14 @@ def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, 
     )
 
 
-def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> FloatArray:
-    """Unit normals of all instances, shape (k * m, 3); NaN for one without a direction."""
+def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Unit normals of all instances as float32 holds them, shape (k * m, 3); NaN for one without a direction."""
     if not len(normals):
-        return np.empty((0, 3))
+        return np.empty((0, 3), np.float32)
     carried = normals @ cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
     length = np.linalg.norm(carried, axis=-1, keepdims=True)
     unit = np.where((length > 0.0) & np.isfinite(length), carried / length, np.nan)
-    return unit.reshape(-1, 3)
+    return unit.reshape(-1, 3).astype(np.float32)
 
 
 def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> FloatArray:
@@ -201,15 +205,17 @@ def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> Flo
     return np.cross(b - a, c - a)
 
 
-def _facing_front(normals: FloatArray, indices: IntArray, front: FloatArray) -> tuple[FloatArray, IntArray]:
+def _facing_front(
+    normals: NDArray[np.float32], indices: IntArray, front: FloatArray
+) -> tuple[NDArray[np.float32], IntArray]:
     """Shading normals made to lie on the front side of every triangle that uses them.
 
     A triangle whose three normals all point to its back gets their opposites; one whose normals disagree, or are
     zero or NaN, becomes flat.
     """
     if not len(normals) or not len(indices):
-        return np.empty((0, 3)), np.full(indices.shape, -1, np.int64)
-    cosine = np.einsum("fcj,fj->fc", normals[indices], front)
+        return np.empty((0, 3), np.float32), np.full(indices.shape, -1, np.int64)
+    cosine = np.einsum("fcj,fj->fc", normals[indices].astype(np.float64), front)
     flat = (indices < 0).any(axis=1)
     ahead = (cosine > 0.0).all(axis=1) & ~flat
     behind = (cosine < 0.0).all(axis=1) & ~flat

@@ -99,18 +99,15 @@ def _at_corners(
     if interpolation == "constant":
         reading.warn(prim.GetPath(), f"primvars:{name} is constant but has {len(values)} values; the first is used")
         return values[:1], constant
-    if surface.corners is None:
+    if surface.mesh is None:
         reading.warn(prim.GetPath(), f"{name} varies over a {prim.GetTypeName()}; its mean is used")
         return values.mean(axis=0, keepdims=True), constant
-    mesh = UsdGeom.Mesh(prim)
-    expected, rows = len(surface.points), surface.triangles
-    if interpolation == "uniform":
-        expected = len(reading.indices(mesh.GetFaceVertexCountsAttr()))
-        rows = np.repeat(surface.faces[:, None], 3, axis=1)
-    elif interpolation == "faceVarying":
-        expected, rows = len(reading.indices(mesh.GetFaceVertexIndicesAttr())), surface.corners
+    authored = surface.mesh.authored
+    numbers = {"uniform": len(authored.counts), "faceVarying": len(authored.indices)}
+    expected = numbers.get(interpolation, len(authored.points))
     if len(values) != expected:
         message = f"{len(values)} {interpolation} values of primvars:{name} are left out: {expected} are needed"
         reading.warn(prim.GetPath(), message)
         return values[:0], constant
-    return values, rows
+    values, rows = surface.mesh.primvar(values, np.empty(0, np.int64), interpolation)
+    return values, rows[surface.corners]
