@@ -362,7 +362,19 @@ def test_damaged_picture_is_the_fallback_with_one_warning(tmp_path, content):
 def test_mean_of_lookups_is_what_lights_are_chosen_by(tmp_path):
     inputs = "color3f inputs:emissiveColor.connect = </M/T.outputs:rgb>"
     wrap = 'token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"'
-    scene = load(stage(grey(tmp_path), inputs=inputs, texture=wrap))
-    np.testing.assert_allclose(scene.materials[0].mean_emission, [0.5] * 3, atol=1e-6)
+    scene = load(stage(grey(tmp_path, np.array([[0.25, 0.5], [0.75, 0.5]])), inputs=inputs, texture=wrap))
+    assert scene.materials[0].mean_emission == (0.5, 0.5, 0.5)
     dark = dataclasses.replace(scene.materials[0].emissive_color, scale=(0.0,) * 4)
     assert not features.is_emissive(dataclasses.replace(scene.materials[0], emissive_color=dark))
+
+
+def test_float_texels_are_summed_up_to_one_part_in_128_and_a_uniform_one_is_not_cut(tmp_path):
+    texels = np.random.default_rng(0).random((16, 16)).astype(np.float32)
+    wrap = 'token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"'
+    scene = load(
+        stage(grey(tmp_path, texels), inputs="float inputs:roughness.connect = </M/T.outputs:r>", texture=wrap)
+    )
+    assert texels.mean() * 127 / 128 < scene.materials[0].mean.roughness <= texels.mean()
+    uniform = grey(tmp_path, np.full((2, 2), 0.3001))
+    scene = load(stage(uniform, inputs="float inputs:roughness.connect = </M/T.outputs:r>", texture=wrap))
+    np.testing.assert_allclose(seen_at(scene, [(0.5, 0.5)])["alpha"], 0.3001**2, rtol=1e-5)

@@ -107,9 +107,9 @@ def _number(shader: Any, network: ShadingNetwork, name: str, default: float, low
 
 
 def constant_if_uniform(lookup: TextureLookup) -> float | TextureLookup:
-    """The number that a lookup within [0, 1] gives everywhere, as an alpha of 1; else the lookup."""
+    """0 or 1 where a lookup within [0, 1] gives that everywhere, as the alpha of most pictures; else the lookup."""
     least, greatest = bounds_of(lookup)
-    return least if least == greatest else lookup
+    return least if least == greatest and least in (0.0, 1.0) else lookup
 
 
 def _value(
