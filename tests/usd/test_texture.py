@@ -318,6 +318,11 @@ def test_normal_map_tilts_the_normal_towards_growing_s(tmp_path, st, toward, fro
     np.testing.assert_allclose(found[0], expected, atol=1e-4)
 
 
+def test_normal_map_of_bytes_without_scale_and_bias_is_a_warning(tmp_path):
+    picture = np.broadcast_to([0.5, 0.5, 1.0], (2, 2, 3))
+    assert mentions(load(stage(write(tmp_path / "n.png", picture, "uint8"), inputs=NORMAL)), "/M", "scale 2")
+
+
 def test_normal_maps_y_is_towards_growing_t(tmp_path):
     picture = np.broadcast_to(0.5 + 0.5 * np.array([0.0, np.sin(TILT), np.cos(TILT)]), (2, 2, 3))
     scene = load(stage(write(tmp_path / "n.png", picture, "uint16"), inputs=NORMAL, texture=NORMAL_SETTINGS))
