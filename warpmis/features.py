@@ -101,7 +101,7 @@ def detect(scene: Scene) -> Features:
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
-        opacity=any(m.mean().opacity < 1.0 for m in used),
+        opacity=any(m.mean.opacity < 1.0 for m in used),
         shading_normals=bool((scene.geometry.normal_indices >= 0).any()),
         textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
         vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),

@@ -10,6 +10,7 @@ The instances are flattened: every triangle stands in world space.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,7 @@ class Material:
         """The inputs that are not constant, by name."""
         return {name: value for name, value in vars(self).items() if is_lookup(value)}
 
+    @cached_property
     def mean(self) -> Material:
         """The material with constant inputs alone, a lookup's mean for each, and the surface's own normal."""
         means = {
@@ -108,7 +110,7 @@ class Material:
 
         Where inputs are lookups, a mean over their texels: 0 if and only if the material emits nowhere.
         """
-        constant: Any = self.mean()
+        constant: Any = self.mean
         share = constant.opacity if constant.opacity_mode == "presence" else 1.0
         red, green, blue = constant.emissive_color
         return (share * red, share * green, share * blue)

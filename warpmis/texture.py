@@ -19,6 +19,12 @@ Vec4 = tuple[float, float, float, float]
 FIRST_TILE = 1001
 
 
+# The floats whose lower 16 bits are 0, those that are not finite as 0, which no texel has.
+UPPER_HALVES = np.nan_to_num(
+    (np.arange(1 << 16, dtype=np.uint32) << np.uint32(16)).view(np.float32), nan=0.0, posinf=0.0, neginf=0.0
+).astype(np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Texture:
     """A picture, or the tiles of a UDIM one.
@@ -36,7 +42,10 @@ class Texture:
 
     @cached_property
     def values(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Of red, green, blue and alpha: linear values, shape (n,), and how many texels have each, shape (n,)."""
+        """Of red, green, blue and alpha: linear values, shape (n,), and how many texels have each, shape (n,).
+
+        Floats are cut to their upper 16 bits: by less than one part in 128, and 0 and 1 not at all.
+        """
         return [self._channel_values(channel) for channel in range(4)]
 
     def _channel_values(self, channel: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -50,8 +59,8 @@ class Texture:
                 counts.append(np.bincount(pixels[..., place].ravel(), minlength=256).astype(np.float64))
                 values.append(byte_values(self.is_srgb and channel < 3))
             else:
-                values.append(pixels[..., place].ravel().astype(np.float64))
-                counts.append(np.ones(len(values[-1])))
+                counts.append(np.bincount(upper_halves(pixels[..., place]), minlength=1 << 16).astype(np.float64))
+                values.append(UPPER_HALVES)
         present = np.concatenate(counts) > 0.0
         return np.concatenate(values)[present], np.concatenate(counts)[present]
 
@@ -61,6 +70,11 @@ def channel_of(channel: int, channels: int) -> int:
     if channel == 3:
         return channels - 1 if channels in (2, 4) else -1
     return channel if channels >= 3 else 0
+
+
+def upper_halves(values: NDArray[np.float32]) -> NDArray[np.uint32]:
+    """The upper 16 bits of floats, shape (n,)."""
+    return np.ascontiguousarray(values, np.float32).view(np.uint32).ravel() >> np.uint32(16)
 
 
 def byte_values(is_srgb: bool) -> NDArray[np.float64]:

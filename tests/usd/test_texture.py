@@ -318,6 +318,11 @@ def test_normal_map_tilts_the_normal_towards_growing_s(tmp_path, st, toward, fro
     np.testing.assert_allclose(found[0], expected, atol=1e-4)
 
 
+def test_normal_map_of_bytes_without_scale_and_bias_is_a_warning(tmp_path):
+    picture = np.broadcast_to([0.5, 0.5, 1.0], (2, 2, 3))
+    assert mentions(load(stage(write(tmp_path / "n.png", picture, "uint8"), inputs=NORMAL)), "/M", "scale 2")
+
+
 def test_normal_maps_y_is_towards_growing_t(tmp_path):
     picture = np.broadcast_to(0.5 + 0.5 * np.array([0.0, np.sin(TILT), np.cos(TILT)]), (2, 2, 3))
     scene = load(stage(write(tmp_path / "n.png", picture, "uint16"), inputs=NORMAL, texture=NORMAL_SETTINGS))
@@ -362,7 +367,19 @@ def test_damaged_picture_is_the_fallback_with_one_warning(tmp_path, content):
 def test_mean_of_lookups_is_what_lights_are_chosen_by(tmp_path):
     inputs = "color3f inputs:emissiveColor.connect = </M/T.outputs:rgb>"
     wrap = 'token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"'
-    scene = load(stage(grey(tmp_path), inputs=inputs, texture=wrap))
-    np.testing.assert_allclose(scene.materials[0].mean_emission, [0.5] * 3, atol=1e-6)
+    scene = load(stage(grey(tmp_path, np.array([[0.25, 0.5], [0.75, 0.5]])), inputs=inputs, texture=wrap))
+    assert scene.materials[0].mean_emission == (0.5, 0.5, 0.5)
     dark = dataclasses.replace(scene.materials[0].emissive_color, scale=(0.0,) * 4)
     assert not features.is_emissive(dataclasses.replace(scene.materials[0], emissive_color=dark))
+
+
+def test_float_texels_are_summed_up_to_one_part_in_128_and_a_uniform_one_is_not_cut(tmp_path):
+    texels = np.random.default_rng(0).random((16, 16)).astype(np.float32)
+    wrap = 'token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"'
+    scene = load(
+        stage(grey(tmp_path, texels), inputs="float inputs:roughness.connect = </M/T.outputs:r>", texture=wrap)
+    )
+    assert texels.mean() * 127 / 128 < scene.materials[0].mean.roughness <= texels.mean()
+    uniform = grey(tmp_path, np.full((2, 2), 0.3001))
+    scene = load(stage(uniform, inputs="float inputs:roughness.connect = </M/T.outputs:r>", texture=wrap))
+    np.testing.assert_allclose(seen_at(scene, [(0.5, 0.5)])["alpha"], 0.3001**2, rtol=1e-5)

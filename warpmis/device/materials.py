@@ -78,11 +78,11 @@ class MaterialTables:
         if material.lookups:
             row = len(self.inputs)
             self.inputs.append(self._inputs(material))
-        self.materials += [material_view(material.mean(), side, row) for side in (0, 1)]
+        self.materials += [material_view(material.mean, side, row) for side in (0, 1)]
 
     def _inputs(self, material: Material) -> InputsView:
         view = InputsView()
-        constant = material.mean()
+        constant = material.mean
         view.first_lookup = len(self.lookups)
         for name, (attribute, number) in INPUTS.items():
             setattr(view, attribute, getattr(constant, name))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.scene import Color, Material
-from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of, is_lookup, mean_of
+from warpmis.texture import Lookup, TextureLookup, bounds_of, is_lookup, mean_of
 from warpmis.usd.reading import Reading
 from warpmis.usd.shading_network import ShadingNetwork
 
@@ -83,10 +83,15 @@ def _normal_map(shader: Any, network: ShadingNetwork) -> TextureLookup | None:
     """The picture that turns the normal; a constant normal, (0, 0, 1) in the specification, changes nothing."""
     shader_input = shader.GetInput("normal")
     value = network.value(shader, "normal", 3) if shader_input else None
-    if isinstance(value, PrimvarLookup) or (isinstance(value, TextureLookup) and value.channels != "rgb"):
+    if not is_lookup(value):
+        return None
+    if not isinstance(value, TextureLookup) or value.channels != "rgb":
         message = "inputs:normal must be a constant or a texture's rgb; the surface's own normal is used"
         network.reading.warn(network.path, message)
-    return value if isinstance(value, TextureLookup) and value.channels == "rgb" else None
+        return None
+    if value.bias[:3] == (0.0, 0.0, 0.0) and value.texture.tiles[min(value.texture.tiles)].dtype == np.uint8:
+        network.reading.warn(network.path, "inputs:normal reads bytes without scale 2 and bias -1: half its directions")
+    return value
 
 
 def _is_displaced(shader: Any, reading: Reading) -> bool:
@@ -107,9 +112,9 @@ def _number(shader: Any, network: ShadingNetwork, name: str, default: float, low
 
 
 def constant_if_uniform(lookup: TextureLookup) -> float | TextureLookup:
-    """The number that a lookup within [0, 1] gives everywhere, as an alpha of 1; else the lookup."""
+    """0 or 1 where a lookup within [0, 1] gives that everywhere, as the alpha of most pictures; else the lookup."""
     least, greatest = bounds_of(lookup)
-    return least if least == greatest else lookup
+    return least if least == greatest and least in (0.0, 1.0) else lookup
 
 
 def _value(
