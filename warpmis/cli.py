@@ -34,6 +34,7 @@ EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 PURPOSES = ("default", "render", "proxy", "guide")
+COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -85,6 +86,14 @@ def _add_stage_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--render-settings-prim-path", "--renderSettingsPrimPath", "-rs", metavar="PRIM", help="RenderSettings prim"
     )
+    group.add_argument(
+        "--complexity", "-c", choices=COMPLEXITIES, help="refine subdivision surfaces 0, 1, 2 or 3 times (high)"
+    )
+    group.add_argument(
+        "--variant", action="append", metavar="/PRIM{SET=VARIANT}", help="select a variant; may be given several times"
+    )
+    group.add_argument("--mask", type=_names, metavar="/A,/B", help="load these prims alone, and what they refer to")
+    group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="a layer stronger than the stage")
 
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
@@ -197,6 +206,10 @@ def _render(arguments: argparse.Namespace) -> None:
         camera=arguments.camera,
         purposes=arguments.purposes,
         render_settings=arguments.render_settings_prim_path,
+        complexity=arguments.complexity,
+        variants=arguments.variant,
+        mask=arguments.mask,
+        session_layer=arguments.session_layer,
     )
     _start_warp()
     start = time.perf_counter()

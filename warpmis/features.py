@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
+from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
 
 # Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
 SMOOTH_ALPHA = 1e-3
@@ -25,6 +26,7 @@ class Features:
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
+        textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
     """
@@ -43,6 +45,9 @@ class Features:
     smooth: bool = False
     opacity: bool = False
     shading_normals: bool = False
+    textures: bool = False
+    vertex_colors: bool = False
+    normal_maps: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
 
@@ -56,13 +61,13 @@ class Features:
         return replace(self, strategies=strategies, statistics=statistics)
 
 
-def is_smooth(roughness: float) -> bool:
-    """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror."""
-    return roughness * roughness < SMOOTH_ALPHA
+def is_smooth(roughness: float | Lookup) -> bool:
+    """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror, anywhere if it is looked up."""
+    return bounds_of(roughness)[0] ** 2 < SMOOTH_ALPHA
 
 
 def is_emissive(material: Material) -> bool:
-    return max(material.emission) > 0.0
+    return max(material.mean_emission) > 0.0
 
 
 def is_delta(light: object) -> bool:
@@ -76,7 +81,8 @@ def detect(scene: Scene) -> Features:
     """The effects that the scene's triangles and lights call for; materials that no triangle uses do not count."""
     used = [scene.materials[i] for i in np.unique(scene.geometry.materials)]
     specular = [m for m in used if not m.lambertian]
-    coated = [m for m in specular if m.clearcoat > 0.0]
+    coated = [m for m in specular if bounds_of(m.clearcoat)[1] > 0.0]
+    lookups = [lookup for m in used for lookup in m.lookups.values()]
     extended = [light for light in scene.lights if not is_delta(light)]
     domes = [light for light in extended if isinstance(light, DomeLight)]
 
@@ -97,6 +103,9 @@ def detect(scene: Scene) -> Features:
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
-        opacity=any(m.opacity < 1.0 for m in used),
+        opacity=any(m.mean.opacity < 1.0 for m in used),
         shading_normals=bool((scene.geometry.normal_indices >= 0).any()),
+        textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
+        vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),
+        normal_maps=any(m.normal is not None for m in used),
     )

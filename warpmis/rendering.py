@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from warpmis.config import LearnConfig, RenderConfig
@@ -28,6 +29,10 @@ def render(
     purposes: tuple[str, ...] = ("render",),
     render_settings: str | None = None,
     time: float | None = None,
+    complexity: str = "high",
+    variants: Sequence[str] = (),
+    mask: Sequence[str] = (),
+    session_layer: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | None = None,
     features: Features | None = None,
     **settings: Any,
@@ -38,7 +43,8 @@ def render(
         stage: path of a USD file, a Usd.Stage, or a Scene.
         config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
             initial_allocation) one by one.
-        camera, purposes, render_settings, time: what to read of the stage; a Scene has been read already.
+        camera, purposes, render_settings, time, complexity, variants, mask, session_layer: what to read of the stage,
+            as in load_stage; a Scene has been read already.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
 
@@ -51,7 +57,20 @@ def render(
     config = config or config_from(settings)
     reporter = Reporter(progress)
     reporter.phase("load")
-    scene = stage if isinstance(stage, Scene) else load(stage, camera, purposes, render_settings, time, config.width)
+    scene = stage
+    if not isinstance(stage, Scene):
+        scene = load(
+            stage,
+            width=config.width,
+            camera=camera,
+            purposes=purposes,
+            render_settings=render_settings,
+            time=time,
+            complexity=complexity,
+            variants=variants,
+            mask=mask,
+            session_layer=session_layer,
+        )
     scene = resized(scene, config.width)
     return render_scene(scene, config, features, reporter)
 
@@ -69,17 +88,10 @@ def config_from(settings: dict[str, Any]) -> RenderConfig:
     return RenderConfig(**settings)
 
 
-def load(
-    stage: Any,
-    camera: str | None,
-    purposes: tuple[str, ...],
-    render_settings: str | None,
-    time: float | None,
-    width: int | None,
-) -> Scene:
+def load(stage: Any, **options: Any) -> Scene:
     from warpmis.usd import load_stage  # here, so that a Scene can be rendered without pxr
 
-    return load_stage(stage, camera=camera, purposes=purposes, render_settings=render_settings, time=time, width=width)
+    return load_stage(stage, **options)
 
 
 def resized(scene: Scene, width: int | None) -> Scene:

@@ -76,9 +76,14 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
     learning = "--learn-rounds 4 --learn-spp 2 --initial-allocation 0.25,0.75".split()
     stage = "--camera /Cam --image-width 320 --purposes render,proxy --render-settings-prim-path /Render/A".split()
     render = "--spp 32 --method murray20 --strategies light,bsdf --max-depth 3 --seed 7 --device cuda:0 --threads 2"
-    assert main(["render", "box.usda", "out.exr", *stage, *render.split(), *learning]) == 0
+    geometry = "--complexity low --variant /A{b=c} --variant /A{d=e} --mask /A,/B --session-layer s.usda".split()
+    assert main(["render", "box.usda", "out.exr", *stage, *geometry, *render.split(), *learning]) == 0
     options = {name: fake.options[name] for name in ("camera", "purposes", "render_settings")}
     assert options == {"camera": "/Cam", "purposes": ("render", "proxy"), "render_settings": "/Render/A"}
+    options = {name: fake.options[name] for name in ("complexity", "variants", "mask", "session_layer")}
+    assert options == {
+        "complexity": "low", "variants": ["/A{b=c}", "/A{d=e}"], "mask": ("/A", "/B"), "session_layer": "s.usda",
+    }  # fmt: skip
     assert fake.config.to_dict() == {
         "width": 320, "spp": 32, "method": "murray20", "strategies": ["light", "bsdf"], "allocation": None,
         "max_depth": 3, "seed": 7, "device": "cuda:0", "threads": 2,

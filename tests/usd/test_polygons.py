@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warpmis.usd.polygons import Polygons, clip_ears, triangulate
+from warpmis.usd.ears import clip_ears
+from warpmis.usd.polygons import Polygons, triangulate
 
 
 def one_polygon(points: np.ndarray) -> Polygons:
@@ -56,6 +57,18 @@ def test_convex_faces_of_all_sizes_fan_from_their_first_corner_with_their_face_n
 
 def test_self_crossing_outline_ends_with_the_right_number_of_triangles():
     bow = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0], [-1, 3, 0], [2, -3, 0.0]])
-    triangles = clip_ears(bow)
-    assert triangles.shape == (4, 3)
+    triangles = clip_ears(bow[None])
+    assert triangles.shape == (1, 4, 3)
     assert set(triangles.ravel().tolist()) <= set(range(6))
+
+
+def test_polygons_are_clipped_together_as_they_are_alone():
+    """Stars of two sizes, wound both ways, and an outline that crosses itself, in one mesh."""
+    bow = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0], [-1, 3, 0], [2, -3, 0.0]])
+    outlines = [star(5), star(3), star(5)[::-1] * 2, bow, np.roll(star(5), 3, axis=0), star(3)[::-1]]
+    counts = np.array([len(outline) for outline in outlines])
+    points = np.concatenate(outlines)
+    together, faces = triangulate(Polygons(points, counts, np.arange(len(points)), np.ones(6, bool)))
+    alone = [triangulate(one_polygon(outline))[0] for outline in outlines]
+    for face, (first, corners) in enumerate(zip(np.cumsum(counts) - counts, alone, strict=True)):
+        np.testing.assert_array_equal(together[faces == face] - first, corners)

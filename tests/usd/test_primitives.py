@@ -139,7 +139,7 @@ def test_size_zero_leaves_the_prim_out_and_defaults_are_the_schemas():
     assert volume(scene) == pytest.approx(2 * np.pi, rel=0.005)
 
 
-@pytest.mark.parametrize("kind", ["Points", "BasisCurves", "NurbsPatch", "Volume", "TetMesh"])
+@pytest.mark.parametrize("kind", ["NurbsCurves", "NurbsPatch", "Volume", "TetMesh"])
 def test_unsupported_gprims_give_one_warning_with_their_path(kind):
     scene = load(prim(kind) + 'def Cube "C"\n{\n}\n')
     assert mentions(scene, "/P", kind, "not supported")

@@ -151,7 +151,7 @@ def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> No
     cdfs = []
     for first, group in zip(starts, np.split(order, starts[1:]), strict=True):
         triangle = shining[group[0]]
-        view = blank_record(MESH, np.array(scene.materials[geometry.materials[triangle]].emission))
+        view = blank_record(MESH, np.array(scene.materials[geometry.materials[triangle]].mean_emission))
         points = corners[group].reshape(-1, 3)
         center = 0.5 * (points.min(axis=0) + points.max(axis=0))
         view.center = tuple(center)

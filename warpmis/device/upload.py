@@ -10,6 +10,7 @@ import warp as wp
 
 from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
+from warpmis.device.materials import material_tables, upload_materials
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.views import (
     DISTANT,
@@ -18,12 +19,12 @@ from warpmis.device.views import (
     DeltaLightView,
     DomeView,
     LightView,
-    MaterialView,
     SceneView,
     TriangleView,
+    VaryingView,
 )
 from warpmis.errors import ConfigError
-from warpmis.scene import Camera, Geometry, Material, Scene
+from warpmis.scene import Camera, Geometry, Scene
 
 # Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
 LEAF_SIZE = 4
@@ -57,9 +58,9 @@ def upload(scene: Scene, device: str) -> DeviceScene:
     with wp.ScopedDevice(device):
         view = SceneView()
         mesh = upload_mesh(view, geometry)
-        upload_surfaces(view, scene, geometry, tables)
+        varying = upload_surfaces(view, scene, geometry, tables)
         tree = upload_lights(view, geometry, tables)
-    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree))
+    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree, varying))
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -72,6 +73,7 @@ def ordered(geometry: Geometry) -> Geometry:
             normal_indices=np.full((1, 3), -1, dtype=np.int32),
             materials=np.zeros(1, dtype=np.int32),
             prims=np.zeros(1, dtype=np.int32),
+            primvars=np.zeros((1, 3, 0), dtype=np.float32),
         )
     order = morton_order(geometry.points, geometry.triangles)
     kept, triangles = first_use_order(geometry.triangles[order], len(geometry.points))
@@ -82,6 +84,7 @@ def ordered(geometry: Geometry) -> Geometry:
         normal_indices=geometry.normal_indices[order],
         materials=geometry.materials[order],
         prims=geometry.prims[order],
+        primvars=geometry.primvars[order] if geometry.primvars.size else geometry.primvars,
     )
 
 
@@ -103,38 +106,13 @@ def records(dtype: Any, columns: dict[str, Any], count: int) -> wp.array:
     return wp.array(table, dtype=dtype)
 
 
-def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> None:
+def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> VaryingView | None:
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
     columns = {"normals": geometry.normal_indices, "material": material, "light": tables.triangle_light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
-    views = [material_view(m, side) for m in scene.materials or (Material(),) for side in (0, 1)]
-    view.materials = wp.array(views, dtype=MaterialView)
-
-
-def material_view(material: Material, double_sided: int) -> MaterialView:
-    """Resolve the workflow. Reference: UsdPreviewSurface specification, "Specular and metallic workflows"."""
-    view = MaterialView()
-    diffuse = np.array(material.diffuse_color)
-    reflectance = ((1.0 - material.ior) / (1.0 + material.ior)) ** 2
-    f0 = np.zeros(3)
-    if not material.lambertian:
-        if material.use_specular_workflow:
-            f0 = np.array(material.specular_color)
-        else:
-            f0 = reflectance * (1.0 - material.metallic) + diffuse * material.metallic
-            diffuse = diffuse * (1.0 - material.metallic)
-        view.coat = material.clearcoat
-    view.has_specular = int(not material.lambertian)
-    view.diffuse, view.specular_f0, view.emission = tuple(diffuse), tuple(f0), material.emission
-    # Alpha 0 would divide by 0; below features.SMOOTH_ALPHA a lobe is a mirror whatever its alpha.
-    view.alpha = max(material.roughness**2, 1e-6)
-    view.coat_f0, view.coat_alpha = reflectance, max(material.clearcoat_roughness**2, 1e-6)
-    view.opacity = material.opacity
-    view.presence = int(material.lambertian or material.opacity_mode == "presence")
-    view.double_sided = double_sided
-    return view
+    return upload_materials(view, material_tables(scene), geometry.primvars)
 
 
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> wp.Bvh | None:

@@ -15,6 +15,31 @@ MESH = 6
 DELTA_POINT = 0
 DELTA_DISTANT = 1
 
+# The inputs of a material that a lookup can give.
+DIFFUSE = 0
+EMISSIVE = 1
+SPECULAR = 2
+METALLIC = 3
+ROUGHNESS = 4
+COAT = 5
+COAT_ROUGHNESS = 6
+OPACITY = 7
+NORMAL = 8
+
+# How texels are stored: as float32, as bytes, or as bytes of which the colours are sRGB encoded.
+FLOATS = 0
+BYTES = 1
+SRGB_BYTES = 2
+
+# Wrap modes of texture coordinates.
+BLACK = 0
+CLAMP = 1
+REPEAT = 2
+MIRRORED = 3
+
+# What LookupView.channel means beside 0 to 3 for red, green, blue and alpha.
+RGB = -1
+
 
 @wp.struct
 class TriangleView:
@@ -34,7 +59,8 @@ class MaterialView:
     """A material with its workflow resolved: what the lobes need, no more.
 
     specular_f0 is the reflectance at normal incidence (0 with `has_specular` 0: no lobe at all); alpha is
-    roughness squared.
+    roughness squared. inputs: row of VaryingView.inputs where some input varies over the surface (the fields here are
+    then of the inputs' means), or -1.
     """
 
     diffuse: wp.vec3
@@ -48,6 +74,72 @@ class MaterialView:
     opacity: float
     presence: int
     double_sided: int
+    inputs: int
+
+
+@wp.struct
+class InputsView:
+    """UsdPreviewSurface's inputs before its workflow is resolved: a constant each. Those that vary over the surface are
+    given by `lookup_count` rows of VaryingView.lookups from `first_lookup` on; normal_lookup: a row too, or -1."""
+
+    diffuse: wp.vec3
+    emissive: wp.vec3
+    specular: wp.vec3
+    metallic: float
+    roughness: float
+    coat: float
+    coat_roughness: float
+    opacity: float
+    opacity_threshold: float
+    use_specular_workflow: int
+    first_lookup: int
+    lookup_count: int
+    normal_lookup: int
+
+
+@wp.struct
+class LookupView:
+    """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
+    begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
+    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0."""
+
+    input: int
+    column: int
+    tile: int
+    udim_rows: int
+    row_s: wp.vec3
+    row_t: wp.vec3
+    wrap_s: int
+    wrap_t: int
+    channel: int
+    scale: wp.vec4
+    bias: wp.vec4
+    fallback: wp.vec4
+
+
+@wp.struct
+class TileView:
+    """A picture's texels in VaryingView.texels from `first` on, row by row from the top: a word of red, green, blue and
+    alpha bytes each, or `channels` floats. rows is 0 where a UDIM picture has no tile."""
+
+    encoding: int
+    first: int
+    rows: int
+    columns: int
+    channels: int
+
+
+@wp.struct
+class VaryingView:
+    """What varies over surfaces. primvars: per triangle and corner what its material's lookups read; texels: bits, see
+    TileView; byte_values: linear values of the bytes, plain in the first 256, of sRGB in the second."""
+
+    inputs: wp.array(dtype=InputsView)
+    lookups: wp.array(dtype=LookupView)
+    tiles: wp.array(dtype=TileView)
+    texels: wp.array(dtype=wp.uint32)
+    byte_values: wp.array(dtype=float)
+    primvars: wp.array3d(dtype=float)
 
 
 @wp.struct
@@ -109,7 +201,8 @@ class SceneView:
     """The whole scene.
 
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
-    a mesh light the cumulative share of the light's area.
+    a mesh light the cumulative share of the light's area; varying: one record, in an array so that the scene stays
+    small: device functions take it by value.
     """
 
     mesh: wp.uint64
@@ -118,6 +211,7 @@ class SceneView:
     normals: wp.array(dtype=wp.vec3)
     triangles: wp.array(dtype=TriangleView)
     materials: wp.array(dtype=MaterialView)
+    varying: wp.array(dtype=VaryingView)
     lights: wp.array(dtype=LightView)
     light_count: int
     finite_light_count: int

@@ -9,6 +9,7 @@ from warpmis.features import Features
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
 from warpmis.kernels.frame import Frame, frame_from_normal, luminance, max_abs, to_local
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.material import make_material
 
 wp.set_module_options({"enable_backward": False})
 
@@ -16,6 +17,9 @@ wp.set_module_options({"enable_backward": False})
 # met its own triangle again (tests/unit/test_intersect.py). Larger ones shift the light: a floor 100 units wide was
 # 0.07 % too bright at 4e-6.
 OFFSET = wp.constant(5.0e-7)
+
+# A mapped normal that the ray's origin sees at a smaller cosine is turned towards it.
+MIN_MAPPED_COSINE = wp.constant(0.01)
 
 # No ray is followed through more transparent surfaces than this.
 MAX_PASSED = wp.constant(64)
@@ -68,6 +72,17 @@ def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
 
 def make_intersect(features: Features) -> SimpleNamespace:
     """Intersection functions for the surfaces in `features`: shading_frame, passed, transmittance."""
+    materials = make_material(features)
+
+    @wp.func
+    def mapped_normal(scene: SceneView, hit: Hit, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
+        """The normal `n`, on the ray's side, turned by a normal map, no further than the ray's origin can see it."""
+        side = wp.where(hit.outside != 0, 1.0, -1.0)
+        turned = materials.tilted(scene, hit.triangle, hit.u, hit.v, n * side) * side
+        seen = -wp.dot(turned, wi)
+        if seen < MIN_MAPPED_COSINE:
+            turned = wp.normalize(turned - wi * (MIN_MAPPED_COSINE - seen))
+        return wp.where(wp.dot(turned, hit.ng) > 0.0, turned, n)
 
     @wp.func
     def shading_frame(scene: SceneView, hit: Hit, wi: wp.vec3) -> Frame:
@@ -86,6 +101,8 @@ def make_intersect(features: Features) -> SimpleNamespace:
                 shading = wp.normalize(shading)
                 if wp.dot(shading, wi) < -1.0e-4 and wp.dot(shading, hit.ng) > 0.0:
                     n = shading
+        if wp.static(features.normal_maps):
+            n = mapped_normal(scene, hit, wi, n)
         return frame_from_normal(n)
 
     @wp.func
@@ -119,6 +136,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
             material = scene.materials[scene.triangles[hit.triangle].material]
             if material.opacity >= 1.0:
                 return wp.vec3(0.0, 0.0, 0.0)
+            material = materials.at(scene, hit.triangle, hit.u, hit.v)
             cos_theta = to_local(shading_frame(scene, hit, wi), -wi)[2]
             share = wp.cw_mul(share, passed(material, cos_theta))
             if luminance(share) <= 0.0:

@@ -19,6 +19,7 @@ from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.mesh import pdf_mesh
 from warpmis.kernels.light.table import SHADOW_END, Receiver, make_lights
+from warpmis.kernels.material import make_material
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.strategies import make_strategies
 
@@ -40,6 +41,7 @@ def make_path(features: Features) -> SimpleNamespace:
     lights = make_lights(features)
     surface = make_surface(features)
     intersect = make_intersect(features)
+    materials = make_material(features)
     events = make_events(features, intersect.passed)
     strategies = make_strategies(features, surface, lights)
     vec_s = strategies.vec_s
@@ -209,7 +211,7 @@ def make_path(features: Features) -> SimpleNamespace:
                     path.direct += wp.cw_mul(beta, emission)
                 break
             triangle = scene.triangles[hit.triangle]
-            material = scene.materials[triangle.material]
+            material = materials.at(scene, hit.triangle, hit.u, hit.v)
             if wp.static(features.mesh_light):
                 if triangle.light >= 0 and (hit.outside != 0 or material.double_sided != 0):
                     weight = float(1.0)

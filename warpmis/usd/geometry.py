@@ -31,6 +31,8 @@ class Surface:
         faces: the polygon that each triangle came from, shape (f,).
         normals: shading normals, of any length, shape (m, 3); none for a flat surface.
         normal_indices: shape (f, 3), -1 for a flat triangle.
+        corners: of each triangle corner its place among the corners of `mesh`, shape (f, 3).
+        mesh: carries primvars to the corners of a mesh's polygons (a refined_mesh.RefinedMesh); None for other gprims.
     """
 
     points: FloatArray
@@ -38,11 +40,15 @@ class Surface:
     faces: IntArray
     normals: FloatArray
     normal_indices: IntArray
+    corners: IntArray | None = None
+    mesh: Any = None
 
 
-def flat_surface(points: FloatArray, triangles: IntArray, faces: IntArray) -> Surface:
+def flat_surface(
+    points: FloatArray, triangles: IntArray, faces: IntArray, corners: IntArray | None = None, mesh: Any = None
+) -> Surface:
     """A surface without shading normals."""
-    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64))
+    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64), corners, mesh)
 
 
 def reversed_surface(surface: Surface) -> Surface:
@@ -53,7 +59,22 @@ def reversed_surface(surface: Surface) -> Surface:
         surface.faces,
         -surface.normals,
         surface.normal_indices[:, ::-1],
+        None if surface.corners is None else surface.corners[:, ::-1],
+        surface.mesh,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Shading:
+    """What a surface's triangles are made of.
+
+    Attributes:
+        materials: index into Scene.materials, shape (f,).
+        primvars: what each triangle's material reads at its corners, shape (f, 3, p) float32.
+    """
+
+    materials: NDArray[np.int64]
+    primvars: NDArray[np.float32]
 
 
 @dataclass(eq=False)
@@ -66,11 +87,10 @@ class GeometryBuilder:
         default_factory=lambda: {name: [] for name in Geometry.__dataclass_fields__}
     )
 
-    def add(self, prim: Prim, surface: Surface, materials: NDArray[np.int64], matrices: FloatArray) -> int:
+    def add(self, prim: Prim, surface: Surface, shading: Shading, matrices: FloatArray) -> int:
         """Places a surface once for each matrix.
 
         Args:
-            materials: per triangle the index into Scene.materials, shape (f,).
             matrices: local to world, USD's row-vector convention, shape (k, 4, 4), finite.
 
         Returns:
@@ -80,10 +100,10 @@ class GeometryBuilder:
         batch = max(1, BATCH_TRIANGLES // max(1, len(surface.triangles)))
         self.prims.append(prim)
         for start in range(0, len(matrices), batch):
-            left_out += self._add_batch(surface, materials, matrices[start : start + batch])
+            left_out += self._add_batch(surface, shading, matrices[start : start + batch])
         return left_out
 
-    def _add_batch(self, surface: Surface, materials: NDArray[np.int64], matrices: FloatArray) -> int:
+    def _add_batch(self, surface: Surface, shading: Shading, matrices: FloatArray) -> int:
         points, inside = placed_points(surface.points, matrices)
         matrices = matrices[inside]
         count = len(matrices)
@@ -97,10 +117,11 @@ class GeometryBuilder:
         shifted = np.where(normal_indices >= 0, normal_indices + self.rows["normals"], -1)
         self._append("triangles", (triangles + self.rows["points"]).astype(np.int32))
         self._append("normal_indices", shifted.astype(np.int32))
-        self._append("materials", np.tile(materials, count)[keep].astype(np.int32))
+        self._append("materials", np.tile(shading.materials, count)[keep].astype(np.int32))
+        self._append("primvars", _wound(shading.primvars, is_mirrored(matrices))[keep])
         self._append("prims", np.full(len(triangles), len(self.prims) - 1, np.int32))
         self._append("points", points)
-        self._append("normals", normals.astype(np.float32))
+        self._append("normals", normals)
         return int((~inside).sum())
 
     def _append(self, name: str, rows: NDArray[Any]) -> None:
@@ -115,6 +136,9 @@ class GeometryBuilder:
         empty: dict[str, NDArray[Any]] = {name: np.empty((0, 3), np.float32) for name in ("points", "normals")}
         empty |= {name: np.empty((0, 3), np.int32) for name in ("triangles", "normal_indices")}
         empty |= {name: np.empty(0, np.int32) for name in ("materials", "prims")}
+        width = max((rows.shape[-1] for rows in self.columns["primvars"]), default=0)
+        padded = [np.pad(rows, ((0, 0), (0, 0), (0, width - rows.shape[-1]))) for rows in self.columns["primvars"]]
+        self.columns["primvars"], empty["primvars"] = padded, np.empty((0, 3, width), np.float32)
         return Geometry(**{name: np.concatenate([empty[name], *rows]) for name, rows in self.columns.items()})
 
 
@@ -131,12 +155,27 @@ def cofactors(linear: FloatArray) -> FloatArray:
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
 
 
-def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
-    """Triangles, unit normals and normal indices of all instances; a mirrored one is wound the other way."""
+def without_scale(matrices: FloatArray) -> FloatArray:
+    """The linear parts, each over its largest entry, shape (k, 3, 3)."""
     linear = matrices[:, :3, :3]
     scale = np.abs(linear).max(axis=(1, 2), keepdims=True)
-    linear = linear / np.where(scale > 0.0, scale, 1.0)
-    mirrored = np.linalg.det(linear) < 0.0
+    return linear / np.where(scale > 0.0, scale, 1.0)
+
+
+def is_mirrored(matrices: FloatArray) -> NDArray[np.bool_]:
+    return np.linalg.det(without_scale(matrices)) < 0.0
+
+
+def _wound(rows: NDArray[np.float32], mirrored: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Corner values of all instances, shape (k * f, 3, p): a mirrored one's corners stand the other way round."""
+    wound = np.where(mirrored[:, None, None, None], rows[:, ::-1], rows)
+    return wound.reshape(len(mirrored) * len(rows), *rows.shape[1:])
+
+
+def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, NDArray[np.float32], IntArray]:
+    """Triangles, unit normals and normal indices of all instances; a mirrored one is wound the other way."""
+    linear = without_scale(matrices)
+    mirrored = is_mirrored(matrices)
     instance = np.arange(len(matrices))[:, None, None]
 
     def repeated(rows: IntArray, stride: int) -> IntArray:
@@ -150,14 +189,14 @@ def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, 
     )
 
 
-def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> FloatArray:
-    """Unit normals of all instances, shape (k * m, 3); NaN for one without a direction."""
+def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Unit normals of all instances as float32 holds them, shape (k * m, 3); NaN for one without a direction."""
     if not len(normals):
-        return np.empty((0, 3))
+        return np.empty((0, 3), np.float32)
     carried = normals @ cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
     length = np.linalg.norm(carried, axis=-1, keepdims=True)
     unit = np.where((length > 0.0) & np.isfinite(length), carried / length, np.nan)
-    return unit.reshape(-1, 3)
+    return unit.reshape(-1, 3).astype(np.float32)
 
 
 def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> FloatArray:
@@ -166,15 +205,17 @@ def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> Flo
     return np.cross(b - a, c - a)
 
 
-def _facing_front(normals: FloatArray, indices: IntArray, front: FloatArray) -> tuple[FloatArray, IntArray]:
+def _facing_front(
+    normals: NDArray[np.float32], indices: IntArray, front: FloatArray
+) -> tuple[NDArray[np.float32], IntArray]:
     """Shading normals made to lie on the front side of every triangle that uses them.
 
     A triangle whose three normals all point to its back gets their opposites; one whose normals disagree, or are
     zero or NaN, becomes flat.
     """
     if not len(normals) or not len(indices):
-        return np.empty((0, 3)), np.full(indices.shape, -1, np.int64)
-    cosine = np.einsum("fcj,fj->fc", normals[indices], front)
+        return np.empty((0, 3), np.float32), np.full(indices.shape, -1, np.int64)
+    cosine = np.einsum("fcj,fj->fc", normals[indices].astype(np.float64), front)
     flat = (indices < 0).any(axis=1)
     ahead = (cosine > 0.0).all(axis=1) & ~flat
     behind = (cosine < 0.0).all(axis=1) & ~flat

@@ -1,4 +1,4 @@
-"""Pictures to linear Rec.709: EXR through OpenEXR, everything else through OpenImageIO.
+"""Pictures as they are stored, or as linear Rec.709: EXR through OpenEXR, everything else through OpenImageIO.
 
 Files are opened by USD's asset resolver, so that a picture inside a usdz package is found too.
 """
@@ -9,6 +9,7 @@ import contextlib
 import io
 import os
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,21 @@ from pxr import Ar
 Float32Array = NDArray[np.float32]
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
+EXR_CHANNELS = ("RGBA", "RGB", "YA", "Y")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture as it is stored.
+
+    Attributes:
+        pixels: shape (rows, columns, 1 to 4 channels), row 0 on top: uint8 for 8-bit pictures; else float32, integers
+            as a share of their largest. No alpha is multiplied in.
+        says_srgb: whether the file's own metadata (ICC profile, EXIF) name sRGB.
+    """
+
+    pixels: NDArray[Any]
+    says_srgb: bool = False
 
 
 class PictureError(ValueError):
@@ -34,11 +50,22 @@ def read_picture(resolved_path: str) -> Float32Array:
     Raises:
         PictureError: the file is missing, damaged or of an unknown format.
     """
+    pixels = read_stored(resolved_path).pixels
+    return _as_rgb(srgb_to_linear((pixels / 255.0).astype(np.float32)) if pixels.dtype == np.uint8 else pixels)
+
+
+def read_stored(resolved_path: str) -> Picture:
+    """Decodes the first picture of a file.
+
+    Raises:
+        PictureError: the file is missing, damaged or of an unknown format.
+    """
     data = _asset_bytes(resolved_path)
-    pixels = _decode_exr(data) if data[:4] == EXR_MAGIC else _decode_other(data, Path(resolved_path).suffix or ".img")
-    if pixels.ndim != 3 or 0 in pixels.shape:
+    suffix = Path(resolved_path).suffix or ".img"
+    picture = Picture(_decode_exr(data)) if data[:4] == EXR_MAGIC else _decode_other(data, suffix)
+    if picture.pixels.ndim != 3 or 0 in picture.pixels.shape:
         raise PictureError(f"{resolved_path} holds no pixels")
-    return _as_rgb(pixels)
+    return picture
 
 
 def srgb_to_linear(value: Float32Array) -> Float32Array:
@@ -57,7 +84,10 @@ def _asset_bytes(resolved_path: str) -> bytes:
     if not asset:
         raise PictureError(f"{resolved_path} cannot be opened")
     with asset:
-        return bytes(asset.GetBuffer())
+        buffer = asset.GetBuffer()
+        if not buffer:
+            raise PictureError(f"{resolved_path} is empty")
+        return bytes(buffer)
 
 
 def _decode_exr(data: bytes) -> Float32Array:
@@ -69,13 +99,13 @@ def _decode_exr(data: bytes) -> Float32Array:
         planes = {name.rsplit(".", 1)[-1]: channel.pixels for name, channel in reversed(channels.items())}
     except Exception as error:  # the binding raises RuntimeError, TypeError and others for damaged files
         raise PictureError(f"EXR cannot be decoded: {' '.join(str(error).split())}") from None
-    names = "RGB" if set("RGB") <= set(planes) else "Y" if "Y" in planes else ""
+    names = next((names for names in EXR_CHANNELS if set(names) <= set(planes)), "")
     if not names:
         raise PictureError(f"EXR has neither R, G, B nor Y, only {', '.join(channels)}")
     return np.stack([planes[name] for name in names], axis=-1).astype(np.float32)
 
 
-def _decode_other(data: bytes, suffix: str) -> Float32Array:
+def _decode_other(data: bytes, suffix: str) -> Picture:
     """Any format that OpenImageIO knows; its Python binding reads files only, so the bytes pass through one."""
     import OpenImageIO
 
@@ -83,11 +113,16 @@ def _decode_other(data: bytes, suffix: str) -> Float32Array:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
-        picture = OpenImageIO.ImageInput.open(name)
+        unaltered = OpenImageIO.ImageSpec()
+        unaltered["oiio:UnassociatedAlpha"] = 1
+        picture = OpenImageIO.ImageInput.open(name, unaltered)
         if picture is None:
             raise PictureError(_reason(OpenImageIO.geterror()))
-        pixels = picture.read_image("float")
-        eight_bit = str(picture.spec().format) == "uint8"
+        spec = picture.spec()
+        eight_bit = str(spec.format) == "uint8"
+        profile = str(spec.getattribute("ICCProfile:profile_description") or "")
+        says_srgb = profile.startswith("sRGB") or spec.getattribute("Exif:ColorSpace") == 1
+        pixels = picture.read_image("uint8" if eight_bit else "float")
         reason = picture.geterror()
         picture.close()
     finally:
@@ -95,8 +130,8 @@ def _decode_other(data: bytes, suffix: str) -> Float32Array:
             os.unlink(name)
     if pixels is None:
         raise PictureError(_reason(reason))
-    pixels = np.atleast_3d(np.asarray(pixels, np.float32))
-    return srgb_to_linear(pixels) if eight_bit else pixels
+    pixels = np.atleast_3d(np.asarray(pixels, np.uint8 if eight_bit else np.float32))
+    return Picture(np.ascontiguousarray(pixels[..., :4]), says_srgb)
 
 
 def _reason(message: Any) -> str:

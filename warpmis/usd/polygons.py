@@ -1,12 +1,14 @@
-"""Polygons to triangles: fans for the convex ones, ear clipping for the few that need it. NumPy alone."""
+"""Polygons to triangles: fans for the convex ones, ear clipping for the few that need it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from warpmis.usd.ears import clip_ears
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -14,6 +16,8 @@ BoolArray = NDArray[np.bool_]
 
 # A corner turns inwards where its cross product points against the face normal by more than this share of the area.
 REFLEX_TOLERANCE = 1e-7
+# Faces are looked at in batches of this many, whose scratch memory fits a processor's cache.
+BATCH_FACES = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,7 @@ class Polygons:
     indices: IntArray
     usable: BoolArray
 
-    @property
+    @cached_property
     def starts(self) -> IntArray:
         """First corner of each face, shape (m,)."""
         return np.cumsum(self.counts) - self.counts
@@ -56,9 +60,10 @@ def triangulate(polygons: Polygons) -> tuple[IntArray, IntArray]:
     step = np.arange(triangles.sum()) - np.repeat(first, triangles)
     size, pivot = np.repeat(counts, triangles), np.repeat(pivots, triangles)
     corners = np.stack([pivot, (pivot + step + 1) % size, (pivot + step + 2) % size], axis=-1)
-    for i in np.flatnonzero(clipped):
-        outline = polygons.points[polygons.indices[starts[i] : starts[i] + counts[i]]]
-        corners[first[i] : first[i] + triangles[i]] = clip_ears(outline)
+    for count in np.unique(counts[clipped]):
+        rows = np.flatnonzero(clipped & (counts == count))
+        outlines = polygons.points[polygons.indices[starts[rows, None] + np.arange(count)]]
+        corners[first[rows, None] + np.arange(count - 2)] = clip_ears(outlines)
     corners += np.repeat(starts, triangles)[:, None]
     return corners, np.repeat(faces, triangles)
 
@@ -84,10 +89,17 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     pivots = np.zeros(len(faces), np.int64)
     clipped = np.zeros(len(faces), bool)
     large = np.flatnonzero(polygons.counts[faces] >= 4)
-    if not len(large):
-        return pivots, clipped
-    corner, before, after, row = corner_neighbours(polygons, faces[large])
-    counts = polygons.counts[faces[large]]
+    for first in range(0, len(large), BATCH_FACES):
+        batch = large[first : first + BATCH_FACES]
+        pivots[batch], clipped[batch] = _large_fan_pivots(polygons, faces[batch])
+    return pivots, clipped
+
+
+def _large_fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArray]:
+    """The same of faces of four corners or more."""
+    pivots = np.zeros(len(faces), np.int64)
+    corner, before, after, row = corner_neighbours(polygons, faces)
+    counts = polygons.counts[faces]
     begin = np.cumsum(counts) - counts
     p = polygons.points[polygons.indices[corner]]
     origin = p[begin][row]
@@ -97,54 +109,5 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     reflex = turn < -REFLEX_TOLERANCE * np.einsum("ij,ij->i", normal, normal)[row]
     number = np.add.reduceat(reflex.astype(np.int64), begin)
     single = reflex & (number == 1)[row]
-    pivots[large[row[single]]] = (corner - corner[begin][row])[single]
-    clipped[large] = (number > 1) & (counts > 4)
-    return pivots, clipped
-
-
-def clip_ears(outline: FloatArray) -> IntArray:
-    """Ear clipping of one simple polygon.
-
-    Args:
-        outline: corners in order, about planar, shape (n, 3).
-
-    Returns:
-        Local corner indices, shape (n - 2, 3), wound as the outline. What is left of a polygon that crosses itself
-        becomes a fan.
-    """
-    flat = _flattened(outline)
-    remaining = list(range(len(outline)))
-    triangles: list[tuple[int, int, int]] = []
-    while len(remaining) > 3:
-        ear = next((i for i in range(len(remaining)) if _is_ear(flat, remaining, i)), None)
-        if ear is None:
-            break
-        triangles.append((remaining[ear - 1], remaining[ear], remaining[(ear + 1) % len(remaining)]))
-        del remaining[ear]
-    triangles += [(remaining[0], remaining[i], remaining[i + 1]) for i in range(1, len(remaining) - 1)]
-    return np.array(triangles, np.int64)
-
-
-def _flattened(outline: FloatArray) -> FloatArray:
-    """The outline in its own plane, counter-clockwise, shape (n, 2): the normal's largest axis is left out."""
-    local = outline - outline[0]
-    normal = np.cross(local, np.roll(local, -1, axis=0)).sum(axis=0)
-    axis = int(np.argmax(np.abs(normal)))
-    flat = local[:, [(axis + 1) % 3, (axis + 2) % 3]]
-    return np.asarray(flat if normal[axis] > 0 else flat * np.array([-1.0, 1.0]))
-
-
-def _is_ear(flat: FloatArray, remaining: list[int], i: int) -> bool:
-    """Whether corner i of the remaining polygon is convex with no other corner inside its triangle."""
-    before, here, after = remaining[i - 1], remaining[i], remaining[(i + 1) % len(remaining)]
-    a, b, c = flat[before], flat[here], flat[after]
-    if _cross2(b - a, c - a) <= 0.0:
-        return False
-    others = flat[[j for j in remaining if j not in (before, here, after)]]
-    others = others[(others != a).any(axis=1) & (others != b).any(axis=1) & (others != c).any(axis=1)]
-    inside = (_cross2(b - a, others - a) >= 0) & (_cross2(c - b, others - b) >= 0) & (_cross2(a - c, others - c) >= 0)
-    return not bool(inside.any())
-
-
-def _cross2(u: FloatArray, v: FloatArray) -> Any:
-    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+    pivots[row[single]] = (corner - corner[begin][row])[single]
+    return pivots, (number > 1) & (counts > 4)

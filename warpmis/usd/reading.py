@@ -28,6 +28,7 @@ class Reading:
         stage: the Usd.Stage, kept alive here.
         time: the numeric Usd.TimeCode at which every attribute is read.
         purposes: the purposes that are rendered, "default" among them.
+        levels: how many times subdivision surfaces are refined.
         warnings: what was found but not honoured, in order and without repeats (a dict used as an ordered set).
         notes: what was supplied because the stage has none.
     """
@@ -35,6 +36,7 @@ class Reading:
     stage: Any
     time: Any
     purposes: frozenset[str]
+    levels: int
     warnings: dict[str, None] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -65,6 +67,10 @@ class Reading:
         """A float3 array attribute, shape (n, 3); empty where it has no value."""
         return self._array(attribute, np.empty((0, 3)))
 
+    def numbers(self, attribute: Any) -> NDArray[np.float64]:
+        """A float array attribute, shape (n,); empty where it has no value."""
+        return self._array(attribute, np.empty(0))
+
     def _array(self, attribute: Any, empty: NDArray[Any]) -> NDArray[Any]:
         """An array attribute as `empty` is: also of a primvar, whose type no schema fixes."""
         value = np.asarray(self.get(attribute, empty))
@@ -87,6 +93,25 @@ def _is_convertible(value: NDArray[Any], expected: NDArray[Any]) -> bool:
     if expected.ndim and len(expected) == 0:
         return value.ndim == expected.ndim and value.shape[1:] == expected.shape[1:]
     return value.shape == expected.shape
+
+
+def consistent_counts(
+    counts: NDArray[np.int64], elements: int, names: tuple[str, str, str], path: object, reading: Reading
+) -> NDArray[np.int64]:
+    """The longest run of counts from the start that are not negative and have all their elements.
+
+    Args:
+        names: of the counts, of the elements, and of what is counted, for the warning.
+    """
+    consistent = np.logical_and.accumulate(counts >= 0) & (np.cumsum(counts) <= elements)
+    number = int(np.logical_and.accumulate(consistent).sum()) if len(counts) else 0
+    if number < len(counts) or counts.sum() != elements:
+        reading.warn(
+            path,
+            f"{names[0]} add up to {counts.sum()} but there are {elements} {names[1]}; "
+            f"the first {number} {names[2]} are used",
+        )
+    return counts[:number]
 
 
 def one_line(error: BaseException) -> str:

@@ -21,6 +21,7 @@ class Settings:
         camera: path of the camera, or None.
         pixel_aspect_ratio: width over height of a pixel.
         conform_policy: UsdRender's aspectRatioConformPolicy.
+        material_purposes: purposes of material bindings, the first that a prim has counts; "" is for all purposes.
     """
 
     path: str = ""
@@ -28,6 +29,7 @@ class Settings:
     camera: str | None = None
     pixel_aspect_ratio: float = 1.0
     conform_policy: str = "expandAperture"
+    material_purposes: tuple[str, ...] = ("full", "")
 
 
 def read_settings(reading: Reading, path: str | None) -> Settings:
@@ -65,6 +67,7 @@ def _read(settings: Any, reading: Reading) -> Settings:
         camera=str(cameras[0]) if cameras else None,
         pixel_aspect_ratio=ratio,
         conform_policy=str(reading.get(settings.GetAspectRatioConformPolicyAttr(), "expandAperture")),
+        material_purposes=tuple(map(str, reading.get(settings.GetMaterialBindingPurposesAttr(), ("full", "")))),
     )
 
 

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSkel
+from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import read_camera, world_bounds
-from warpmis.usd.geometry import GeometryBuilder, Surface
+from warpmis.usd.curves import read_curves
+from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.material import MaterialReader
 from warpmis.usd.mesh import read_mesh
+from warpmis.usd.opening import open_stage
+from warpmis.usd.points import read_points
 from warpmis.usd.primitives import is_primitive, read_primitive
 from warpmis.usd.reading import (
     PxrError,
@@ -29,8 +33,11 @@ from warpmis.usd.reading import (
     unrepeated,
 )
 from warpmis.usd.settings import read_settings
+from warpmis.usd.skinning import bake_skinning, has_skeletons
 
 PURPOSES = {"default", "render", "proxy", "guide"}
+# usdrecord's names, and how many times each refines a subdivision surface.
+COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
 
 
 def load_stage(
@@ -41,10 +48,15 @@ def load_stage(
     width: int | None = None,
     purposes: tuple[str, ...] = ("render",),
     render_settings: str | None = None,
+    complexity: str = "high",
+    variants: Sequence[str] = (),
+    mask: Sequence[str] = (),
+    session_layer: str | os.PathLike[str] | None = None,
 ) -> Scene:
     """Reads a stage at one time into a Scene, everything in world space.
 
     What is not supported becomes a line of Scene.warnings; pxr's own messages go there too, not to standard error.
+    A Usd.Stage is not changed: what has to be written goes into a session layer of our own over the same layers.
 
     Args:
         camera: path or name of the camera; None takes the RenderSettings', else `main_cam`, else the stage's first,
@@ -54,43 +66,42 @@ def load_stage(
             resolution, or 960.
         purposes: purposes to render besides "default", of "render", "proxy" and "guide".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
+        complexity: how often subdivision surfaces are refined: "low" not at all, "medium" once, "high" twice,
+            "veryhigh" three times.
+        variants: selections to make, such as "/World/Car{paint=red}", in order.
+        mask: paths of the prims to load, with what they refer to; none for all.
+        session_layer: file of a layer that is stronger than the stage.
 
     Raises:
-        StageError: the stage is missing, unreadable or empty, or has no such camera or settings.
-        ConfigError: width is below 1, or there is no such purpose.
+        StageError: the stage is missing, unreadable or empty, or has no such camera, settings, prim or variant.
+        ConfigError: width is below 1, or there is no such purpose or complexity.
     """
     unknown = ", ".join(sorted(set(purposes) - PURPOSES))
     if unknown:
         raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")
+    if complexity not in COMPLEXITIES:
+        raise ConfigError(f"unknown complexity {complexity}; there are {', '.join(COMPLEXITIES)}")
     # What is not finite is looked for and warned about by name; NumPy's own warnings would add nothing.
     with captured_diagnostics() as messages, np.errstate(all="ignore"):
-        stage = path_or_stage if isinstance(path_or_stage, Usd.Stage) else _open(os.fspath(path_or_stage))
+        stage = path_or_stage
+        if not isinstance(stage, Usd.Stage) or variants or mask or session_layer or has_skeletons(stage):
+            stage = open_stage(stage, variants, mask, session_layer)
         reading = Reading(
             stage=stage,
             time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
             purposes=frozenset({"default", *purposes}),
+            levels=COMPLEXITIES[complexity],
         )
         composition_warnings(reading)
+        if has_skeletons(stage):
+            bake_skinning(reading)
         scene = _read_scene(reading, camera, width, render_settings)
     return replace(scene, warnings=(*reading.warnings, *unrepeated(messages, reading.warnings)))
 
 
-def _open(path: str) -> Any:
-    name = Path(path).name or path
-    try:
-        stage = Usd.Stage.Open(path)
-    except PxrError as error:
-        if not os.path.exists(path) and not Sdf.Layer.IsAnonymousLayerIdentifier(path):
-            raise StageError("there is no such file", path) from None
-        raise StageError(f"the stage cannot be opened: {one_line(error)}", name) from None
-    if not stage:
-        raise StageError("the stage cannot be opened", path)
-    return stage
-
-
 def _read_scene(reading: Reading, camera: str | None, width: int | None, render_settings: str | None) -> Scene:
     settings = read_settings(reading, render_settings)
-    contents = StageContents(reading)
+    contents = StageContents(reading, settings.material_purposes)
     for placement in placements(reading):
         try:
             contents.add(placement)
@@ -103,7 +114,7 @@ def _read_scene(reading: Reading, camera: str | None, width: int | None, render_
         purposes = ", ".join(sorted(reading.purposes))
         raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}", name)
     used = np.unique(geometry.materials)
-    emissive = any(max(materials[index].emissive_color) > 0.0 for index in used)
+    emissive = any(max(materials[index].mean_emission) > 0.0 for index in used)
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
@@ -126,17 +137,19 @@ class StageContents:
 
     Attributes:
         surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
+        material_purposes: of bindings, as Settings.material_purposes.
         light_prims: number of light prims of a supported type, those included that turned out to emit nothing.
     """
 
     reading: Reading
+    material_purposes: tuple[str, ...]
     geometry: GeometryBuilder = field(default_factory=GeometryBuilder)
     lights: list[Light] = field(default_factory=list)
     surfaces: dict[Any, Surface | None] = field(default_factory=dict)
     light_prims: int = 0
 
     def __post_init__(self) -> None:
-        self.materials = MaterialReader(self.reading)
+        self.materials = MaterialReader(self.reading, self.material_purposes)
 
     def add(self, placement: Placement) -> None:
         """Reads one prim, whatever it is, at all its places."""
@@ -145,8 +158,6 @@ class StageContents:
             self._add_gprim(placement)
         elif prim.HasAPI(UsdLux.LightAPI):
             self._add_light(placement)
-        elif prim.IsA(UsdSkel.Root):
-            self.reading.warn(prim.GetPath(), "skinning is not supported; its meshes are rendered in their bind pose")
 
     def _add_gprim(self, placement: Placement) -> None:
         prim = placement.prim
@@ -156,8 +167,8 @@ class StageContents:
         if surface is None or not len(surface.triangles):
             return
         double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
-        materials = self.materials.of_triangles(prim, surface.faces)
-        self._place(Prim(str(prim.GetPath()), double_sided), surface, materials, placement.matrices)
+        shading = self.materials.of_surface(prim, surface)
+        self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices)
 
     def _surface(self, prim: Any) -> Surface | None:
         """The gprim's triangles; those of a native instance are read once for all instances."""
@@ -168,8 +179,8 @@ class StageContents:
             self.surfaces[source] = read_surface(prim, self.reading)
         return self.surfaces[source]
 
-    def _place(self, prim: Prim, surface: Surface, materials: NDArray[np.int64], matrices: NDArray[np.float64]) -> None:
-        left_out = self.geometry.add(prim, surface, materials, matrices)
+    def _place(self, prim: Prim, surface: Surface, shading: Shading, matrices: NDArray[np.float64]) -> None:
+        left_out = self.geometry.add(prim, surface, shading, matrices)
         if left_out:
             which = f"{left_out} of its instances are" if len(matrices) > 1 else "it is"
             self.reading.warn(prim.path, f"{which} left out: the points lie too far from the origin")
@@ -182,8 +193,9 @@ class StageContents:
         self.light_prims += 1
         for light in read_light(prim, placement.matrices, self.reading):
             if isinstance(light, EmissiveSurface):
-                materials = np.full(len(light.surface.triangles), self.materials.index(light.material))
-                self._place(Prim(light.material.path), light.surface, materials, light.matrix[None])
+                count, index = len(light.surface.triangles), self.materials.index(light.material)
+                shading = Shading(np.full(count, index), np.zeros((count, 3, 0), np.float32))
+                self._place(Prim(light.material.path), light.surface, shading, light.matrix[None])
             else:
                 self.lights.append(light)
 
@@ -192,6 +204,10 @@ def read_surface(prim: Any, reading: Reading) -> Surface | None:
     """The triangles of a gprim in its own space; None, with a warning, for a type that is not supported."""
     if prim.IsA(UsdGeom.Mesh):
         return read_mesh(prim, reading)
+    if prim.IsA(UsdGeom.BasisCurves):
+        return read_curves(prim, reading)
+    if prim.IsA(UsdGeom.Points):
+        return read_points(prim, reading)
     type_name = str(prim.GetTypeName())
     if is_primitive(type_name):
         return read_primitive(prim, reading)

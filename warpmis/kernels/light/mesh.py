@@ -1,11 +1,19 @@
-"""Mesh lights: the emissive triangles of one material on one prim, uniform over their whole area."""
+"""Mesh lights: the emissive triangles of one material on one prim, uniform over their whole area.
+
+The light's record holds a mean of what the material emits, for the choice among lights; what a sample brings and what
+a ray meets is the material's emission at that point.
+"""
+
+from types import SimpleNamespace
 
 import warp as wp
 
 from warpmis.device.views import LightView, SceneView
+from warpmis.features import Features
 from warpmis.kernels.light.area import pdf_of_area
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import LightHit, LightSample
+from warpmis.kernels.material import make_material
 from warpmis.kernels.warps import square_to_triangle
 
 wp.set_module_options({"enable_backward": False})
@@ -23,25 +31,6 @@ def cos_emitted(light: LightView, normal: wp.vec3, wi: wp.vec3) -> float:
 @wp.func
 def pdf_mesh(light: LightView, normal: wp.vec3, wi: wp.vec3, distance: float) -> float:
     return pdf_of_area(light, distance, cos_emitted(light, normal, wi))
-
-
-@wp.func
-def sample_mesh(scene: SceneView, light: LightView, x: wp.vec3, pick: float, u: float, v: float) -> LightSample:
-    s = LightSample()
-    triangle = scene.emitter_triangles[light.first + upper_bound(scene.emitter_cdf, light.first, light.count, pick)]
-    corners = scene.indices[triangle]
-    p0 = scene.points[corners[0]]
-    e1 = scene.points[corners[1]] - p0
-    e2 = scene.points[corners[2]] - p0
-    b = square_to_triangle(u, v)
-    to_light = p0 + e1 * b[0] + e2 * b[1] - x
-    s.distance = wp.length(to_light)
-    if s.distance == 0.0:
-        return s
-    s.wi = to_light / s.distance
-    s.pdf_solid_angle = pdf_mesh(light, wp.normalize(wp.cross(e1, e2)), s.wi, s.distance)
-    s.radiance = light.radiance
-    return s
 
 
 @wp.func
@@ -67,3 +56,30 @@ def hit_emitter_triangle(scene: SceneView, light: LightView, triangle: int, x: w
     hit.distance = t
     hit.pdf_solid_angle = pdf_mesh(light, wp.normalize(wp.cross(e1, e2)), wi, t)
     return hit
+
+
+def make_mesh(features: Features) -> SimpleNamespace:
+    """The mesh lights' sampler for the materials in `features`."""
+    materials = make_material(features)
+
+    @wp.func
+    def sample(scene: SceneView, light: LightView, x: wp.vec3, pick: float, u: float, v: float) -> LightSample:
+        s = LightSample()
+        triangle = scene.emitter_triangles[light.first + upper_bound(scene.emitter_cdf, light.first, light.count, pick)]
+        corners = scene.indices[triangle]
+        p0 = scene.points[corners[0]]
+        e1 = scene.points[corners[1]] - p0
+        e2 = scene.points[corners[2]] - p0
+        b = square_to_triangle(u, v)
+        to_light = p0 + e1 * b[0] + e2 * b[1] - x
+        s.distance = wp.length(to_light)
+        if s.distance == 0.0:
+            return s
+        s.wi = to_light / s.distance
+        s.pdf_solid_angle = pdf_mesh(light, wp.normalize(wp.cross(e1, e2)), s.wi, s.distance)
+        s.radiance = light.radiance
+        if wp.static(features.textures or features.vertex_colors):
+            s.radiance = materials.at(scene, triangle, 1.0 - b[0] - b[1], b[0]).emission
+        return s
+
+    return SimpleNamespace(sample=sample)

@@ -18,7 +18,7 @@ from warpmis.kernels.light.dome import (
     sample_dome_constant,
     sample_dome_picture,
 )
-from warpmis.kernels.light.mesh import hit_emitter_triangle, sample_mesh
+from warpmis.kernels.light.mesh import hit_emitter_triangle, make_mesh
 from warpmis.kernels.light.records import LightHit, LightSample
 from warpmis.kernels.light.rect import hit_rect, sample_rect
 from warpmis.kernels.light.sphere import hit_sphere, sample_sphere
@@ -67,6 +67,7 @@ class RayLight:
 
 def make_lights(features: Features) -> SimpleNamespace:
     """Light functions for the kinds in `features`: receiver, importance, sample, sample_range, hit, gather."""
+    mesh = make_mesh(features)
 
     @wp.func
     def density(of_light: float, total: float) -> float:
@@ -133,7 +134,7 @@ def make_lights(features: Features) -> SimpleNamespace:
                 s = sample_dome_constant(scene.dome, r.n, u[1], u[2])
         if wp.static(features.mesh_light):
             if light.kind == MESH:
-                s = sample_mesh(scene, light, r.x, u[3], u[1], u[2])
+                s = mesh.sample(scene, light, r.x, u[3], u[1], u[2])
         return s
 
     @wp.func

@@ -1,0 +1,148 @@
+"""The material at a point: its record as it is, or resolved from inputs that vary over the surface."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import (
+    COAT,
+    COAT_ROUGHNESS,
+    DIFFUSE,
+    EMISSIVE,
+    METALLIC,
+    ROUGHNESS,
+    SPECULAR,
+    InputsView,
+    MaterialView,
+    SceneView,
+    VaryingView,
+)
+from warpmis.features import Features
+from warpmis.kernels.texture import coordinates, make_texture, picture_value
+
+wp.set_module_options({"enable_backward": False})
+
+# Alpha 0 would divide by 0 (device/materials.py has the same bound for constant inputs).
+MIN_ALPHA = wp.constant(1.0e-6)
+MAX_EMISSION = wp.constant(3.0e38)
+
+
+@wp.func
+def clamped(color: wp.vec3, high: float) -> wp.vec3:
+    return wp.vec3(wp.clamp(color[0], 0.0, high), wp.clamp(color[1], 0.0, high), wp.clamp(color[2], 0.0, high))
+
+
+@cache
+def make_material(features: Features) -> SimpleNamespace:
+    """Material functions for what varies in `features`: at, tilted."""
+    texture = make_texture(features)
+
+    @wp.func
+    def looked_up(
+        varying: wp.array(dtype=VaryingView), constant: InputsView, triangle: int, u: float, v: float
+    ) -> InputsView:
+        """The inputs as they are at a point, each within its range.
+
+        A loop with one lookup in it: a call for each input would be compiled in place nine times.
+        """
+        i = constant
+        for row in range(i.first_lookup, i.first_lookup + i.lookup_count):
+            value = texture.value(varying, row, triangle, u, v)
+            number = wp.clamp(value[0], 0.0, 1.0)
+            which = varying[0].lookups[row].input
+            if which == DIFFUSE:
+                i.diffuse = clamped(value, 1.0)
+            elif which == EMISSIVE:
+                i.emissive = clamped(value, MAX_EMISSION)
+            elif which == SPECULAR:
+                i.specular = clamped(value, 1.0)
+            elif which == METALLIC:
+                i.metallic = number
+            elif which == ROUGHNESS:
+                i.roughness = number
+            elif which == COAT:
+                i.coat = number
+            elif which == COAT_ROUGHNESS:
+                i.coat_roughness = number
+            elif i.opacity_threshold > 0.0:
+                i.opacity = wp.where(number >= i.opacity_threshold, 1.0, 0.0)
+            else:
+                i.opacity = number
+        return i
+
+    @wp.func
+    def resolved(
+        varying: wp.array(dtype=VaryingView), base: MaterialView, triangle: int, u: float, v: float
+    ) -> MaterialView:
+        """`base` with the inputs as they are at a point, resolved as device/materials.py does constant ones."""
+        i = looked_up(varying, varying[0].inputs[base.inputs], triangle, u, v)
+        m = base
+        m.diffuse = i.diffuse
+        if base.has_specular != 0:
+            m.specular_f0 = i.specular
+            if i.use_specular_workflow == 0:
+                # coat_f0 is the reflectance of the index of refraction, whether there is a coat or not.
+                dielectric = base.coat_f0 * (1.0 - i.metallic)
+                m.specular_f0 = wp.vec3(dielectric, dielectric, dielectric) + i.diffuse * i.metallic
+                m.diffuse = i.diffuse * (1.0 - i.metallic)
+        m.alpha = wp.max(i.roughness * i.roughness, MIN_ALPHA)
+        m.coat = i.coat
+        m.coat_alpha = wp.max(i.coat_roughness * i.coat_roughness, MIN_ALPHA)
+        m.opacity = i.opacity
+        m.emission = i.emissive
+        if base.presence != 0:
+            m.emission = i.emissive * i.opacity
+        return m
+
+    @wp.func
+    def at(scene: SceneView, triangle: int, u: float, v: float) -> MaterialView:
+        """The material at a point of a triangle; u weighs its first corner, v the second."""
+        material = scene.materials[scene.triangles[triangle].material]
+        if wp.static(features.textures or features.vertex_colors):
+            if material.inputs >= 0:
+                return resolved(scene.varying, material, triangle, u, v)
+        return material
+
+    @wp.func
+    def tilted(scene: SceneView, triangle: int, u: float, v: float, n: wp.vec3) -> wp.vec3:
+        """The unit normal `n` (on the front) turned by the material's normal map; `n` where it has none.
+
+        The map's x and y go along the surface in the directions in which the texture coordinates grow:
+        dp/ds and dp/dt from the triangle's edges, made orthogonal to n.
+        Reference: Lengyel (2019), "Foundations of Game Engine Development 2", section 7.5.
+        """
+        row = scene.materials[scene.triangles[triangle].material].inputs
+        if row < 0:
+            return n
+        varying = scene.varying
+        row = varying[0].inputs[row].normal_lookup
+        if row < 0:
+            return n
+        lookup = varying[0].lookups[row]
+        corners = scene.indices[triangle]
+        p2 = scene.points[corners[2]]
+        e0 = scene.points[corners[0]] - p2
+        e1 = scene.points[corners[1]] - p2
+        st2 = coordinates(varying[0].primvars, lookup, triangle, 0.0, 0.0)
+        d0 = coordinates(varying[0].primvars, lookup, triangle, 1.0, 0.0) - st2
+        d1 = coordinates(varying[0].primvars, lookup, triangle, 0.0, 1.0) - st2
+        determinant = d0[0] * d1[1] - d1[0] * d0[1]
+        if determinant == 0.0:
+            return n
+        along_s = (e0 * d1[1] - e1 * d0[1]) * wp.sign(determinant)
+        along_t = (e1 * d0[0] - e0 * d1[0]) * wp.sign(determinant)
+        tangent = along_s - n * wp.dot(n, along_s)
+        length = wp.length(tangent)
+        if length == 0.0:
+            return n
+        tangent = tangent / length
+        bitangent = wp.cross(n, tangent)
+        if wp.dot(bitangent, along_t) < 0.0:
+            bitangent = -bitangent
+        value = picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
+        turned = tangent * value[0] + bitangent * value[1] + n * value[2]
+        length = wp.length(turned)
+        return wp.where(length > 0.0, turned / wp.max(length, 1.0e-20), n)
+
+    return SimpleNamespace(at=at, tilted=tilted)

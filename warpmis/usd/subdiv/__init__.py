@@ -1,0 +1,1 @@
+"""Subdivision surfaces: refinement of a mesh and its primvars in whole-array NumPy."""
