@@ -25,16 +25,18 @@ ALLOWED: dict[str, set[str]] = {
     "usd": {"scene", "errors"},
     "features": {"scene"},
     "film": {"errors"},
+    "metrics": set(),
     "device": {"scene", "features", "film", "errors"},
     "kernels": {"features", "device.views"},
     "learn": {"config", "features", "kernels", "errors"},
     "integrator": {"config", "device", "errors", "features", "film", "kernels", "learn"},
     "output": {"film", "errors"},
-    "result": {"output", "film", "errors", ""},
+    "result": {"output", "film", "errors", "metrics", ""},
     "rendering": {
         "config", "device", "errors", "features", "film", "integrator", "learn", "progress", "result", "scene", "usd",
     },
-    "cli": {"config", "errors", "output", "progress", "rendering", "result", "scene", "usd", ""},
+    "compare": {"config", "errors", "metrics", "output", "progress", ""},
+    "cli": {"compare", "config", "errors", "output", "progress", "rendering", "result", "scene", "usd", ""},
     "__main__": {"cli"},
     "": {"config", "errors", "progress", "rendering", "result", "scene", "usd"},
 }  # fmt: skip
@@ -45,6 +47,7 @@ EXTERNAL: dict[str, set[str]] = {
     "OpenEXR": {"output", "usd"},
     "OpenImageIO": {"output", "usd"},
     "rich": {"cli"},
+    "flip_evaluator": {"compare"},
 }
 
 SOURCES = sorted(PACKAGE.rglob("*.py"))

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 
 import warpmis
-from warpmis.cli import render
+from warpmis.cli import compare, render
 from warpmis.cli.console import fail
 from warpmis.errors import ConfigError, WarpmisError
 
@@ -47,4 +47,5 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"warpmis {warpmis.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     render.add_parser(commands)
+    compare.add_parser(commands)
     return parser

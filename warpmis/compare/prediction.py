@@ -13,9 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-# The squared error of a mean of independent samples falls in inverse proportion to their number, at best.
-MONTE_CARLO_SLOPE = -1.0
-
 Kind = Literal["measured", "predicted", "sooner", "never"]
 
 
@@ -57,24 +54,16 @@ def slope(seconds: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polyfit(log_seconds, log_errors, 1)[0])
 
 
-def tail_slope(curve: Curve) -> float:
-    """The exponent with which the error without bias goes on falling, never better than -1.
-
-    A curve that has fallen faster has learned on its way, or was lucky; neither goes on for ever. One that has fallen
-    more slowly has a heavy tail, and keeps its slope.
-    """
-    fitted = slope(curve.seconds, [error - curve.bias for error in curve.errors])
-    return MONTE_CARLO_SLOPE if math.isnan(fitted) else min(max(fitted, MONTE_CARLO_SLOPE), -0.1)
-
-
 def time_to(curve: Curve, target: float) -> Arrival:
     """When the curve falls to the relMSE `target`.
 
     Between two runs it is a power law through both. Past the longest, at (t_n, e_n),
 
-        error(t) = bias + (e_n - bias) (t / t_n)^s
+        error(t) = bias + (e_n - bias) t_n / t
 
-    with the tail's slope s.
+    since the squared error of a mean falls in inverse proportion to the number of its samples. The slope of the short
+    runs is no better guide: without outliers they look better than they are, and learning makes them worse
+    (docs/report.md).
     """
     if curve.errors[0] <= target:
         return Arrival(curve.seconds[0], "sooner")
@@ -86,5 +75,4 @@ def time_to(curve: Curve, target: float) -> Arrival:
     if target <= curve.bias:
         return Arrival(math.inf, "never")
     last_seconds, last_error = runs[-1]
-    remaining = (target - curve.bias) / (last_error - curve.bias)
-    return Arrival(last_seconds * remaining ** (1.0 / tail_slope(curve)), "predicted")
+    return Arrival(last_seconds * (last_error - curve.bias) / (target - curve.bias), "predicted")
