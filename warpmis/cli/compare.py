@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
     with progress_bar(quiet=arguments.quiet) as show:
         scene = warpmis.load_stage(arguments.stage, width=width, **stage_options(arguments))
         experiment = run_experiment(scene, variants, Settings(**settings), show)
-    summary = write_comparison(experiment, folder)
+    summary = write_comparison(experiment, arguments.stage, folder)
     if not arguments.quiet:
         for kind in ("warnings", "notes"):
             for line in summary[kind]:
@@ -133,7 +133,7 @@ def _print_table(summary: Mapping[str, Any]) -> None:
     from warpmis.output.report.text import percent, ratio_text, seconds_text
 
     table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("method", no_wrap=True)
+    table.add_column("method")
     for heading in ("efficiency", "error", *(f"to {percent(target)}" for target in summary["targets"])):
         table.add_column(heading, justify="right", no_wrap=True)
     for method in summary["methods"]:
@@ -148,4 +148,4 @@ def _print_table(summary: Mapping[str, Any]) -> None:
 
 def _arrivals(arrivals: Sequence[Mapping[str, Any]], text: Any) -> list[str]:
     sign = {"measured": "", "predicted": "~", "sooner": "<"}
-    return ["never" if a["kind"] == "never" else f"{sign[a['kind']]}{text(a['seconds'])}" for a in arrivals]
+    return ["never" if a["kind"] == "never" else f"{sign[a['kind']]}{text(a['seconds']['median'])}" for a in arrivals]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -149,7 +148,7 @@ def run_experiment(
         for measurement in _in_turn(measurements, repeat):
             for budget in _budgets(measurement, settings, spp):
                 bench.climb(measurement, budget, longest=budget == spp, repeat=repeat)
-    seconds = statistics.median(run.seconds for run in measurements[0].runs[spp])
+    seconds = min(run.seconds for run in measurements[0].runs[spp])
     for repeat in range(settings.repeats):
         for measurement in _in_turn(measurements, repeat):
             bench.spend(measurement, seconds, repeat)
@@ -238,7 +237,7 @@ class _Bench:
     def spend(self, measurement: Measurement, seconds: float, repeat: int) -> None:
         """One run of as many samples as `seconds` have room for."""
         spp, runs = max(measurement.runs.items())
-        cost = statistics.median(run.seconds for run in runs) / spp
+        cost = min(run.seconds for run in runs) / spp  # what disturbs a run only ever makes it longer
         affordable = max(measurement.variant.least_spp(self.settings.common), round(seconds / cost))
         what = f"equal time {repeat + 1}/{self.settings.repeats}"
         result, run = self._timed(measurement.variant, affordable, what)

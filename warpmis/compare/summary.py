@@ -12,29 +12,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
+from warpmis.compare.bias import bias_of
 from warpmis.compare.measure import Experiment, Measurement, Pictures, Run
 from warpmis.compare.prediction import Curve, slope, time_to
 from warpmis.compare.reference import Reference
-from warpmis.metrics import OUTLIERS, squared_error, squared_scale, without_outliers
+from warpmis.metrics import OUTLIERS, without_outliers
 
 # Relative errors that the time to is told of.
 TARGETS = (0.1, 0.05, 0.02, 0.01, 0.005)
 
-# So many of its own standard errors must a bias be away from 0 to count as one.
-SIGNIFICANT = 4.0
-
 # A run whose error is not this many times the reference's own (both squared) says more about the reference.
 ABOVE_REFERENCE = 2.0
 
+# Repetitions of one run that differ by this factor tell of another program on the machine.
+BUSY = 1.3
 
-def summarize(experiment: Experiment) -> dict[str, Any]:
-    """Everything but the pictures, as plain JSON values; NaN and infinity are None."""
+
+def summarize(experiment: Experiment, stage: str) -> dict[str, Any]:
+    """Everything but the pictures, as plain JSON values; NaN and infinity are None. `stage` is what it is called."""
     baseline = experiment.measurements[0]
     first = baseline.equal_time[0]
     result = _pictures(baseline).first
     return {
         "version": warpmis.__version__,
-        "stage": result.name,
+        "stage": stage,
         "camera": experiment.scene.camera.path,
         "resolution": list(experiment.scene.resolution),
         "baseline": baseline.variant.label,
@@ -62,37 +63,26 @@ def summarize(experiment: Experiment) -> dict[str, Any]:
 def efficiency_map(measurement: Measurement, baseline: Measurement) -> NDArray[np.float64]:
     """Per pixel 1 / (squared error x time) over the baseline's, from the runs of equal time, shape (H, W).
 
-    The squared errors of all repetitions are averaged over 9 x 9 pixels first: one pixel's error is mere chance.
+    The squared errors of all repetitions are averaged over 17 x 17 pixels first, the worst percent cut to what is left:
+    one pixel's error is mere chance. Where both are next to nothing, as on a lamp, the ratio is 1.
     """
     ours, theirs = (
-        _box_mean(_pictures(one).mean_error()) * statistics.median(run.seconds for run in one.equal_time)
+        _box_mean(_without_fireflies(_pictures(one).mean_error())) * _median(run.seconds for run in one.equal_time)
         for one in (measurement, baseline)
     )
-    tiny = np.finfo(np.float64).tiny
-    return np.maximum(theirs, tiny) / np.maximum(ours, tiny)
+    nothing = 1e-6 * float(np.median(theirs)) + 1e-30
+    return (theirs + nothing) / (ours + nothing)
 
 
-def squared_bias(pictures: Pictures, reference: Reference) -> tuple[float, float]:
-    """relMSE that no number of samples removes, and its standard error.
-
-    Of K repetitions x_k with mean m, per pixel and relative to squared_scale,
-
-        b^2 = (K |m - r|^2 - mean_k |x_k - r|^2) / (K - 1) - (reference's own noise)^2
-
-    is 0 on average if there is no bias: a firefly in one repetition cancels.
-    """
-    scale = squared_scale(reference.image)
-    count = pictures.count
-    of_mean = squared_error(pictures.mean_image(), reference.image) / scale
-    each = (count * of_mean - pictures.mean_error()) / (count - 1) - reference.relative_noise()
-    return float(each.mean()), float(each.std() / math.sqrt(each.size))
+def _without_fireflies(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.minimum(errors, np.quantile(errors, 0.99))
 
 
 def _method(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
     variant = measurement.variant
     noise = _reference_noise(experiment.reference)
-    bias, bias_error = _bias(measurement, experiment.reference)
-    curve = _curve(measurement, noise, bias)
+    bias = bias_of(_longest(measurement), experiment.reference)
+    curve = _curve(measurement, noise, bias.squared)
     share = _median(run.learn_seconds / run.seconds for run in measurement.equal_time)
     first = _pictures(measurement).first
     return {
@@ -104,25 +94,34 @@ def _method(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
         "runs": [_point(runs, noise) for _, runs in sorted(measurement.runs.items())],
         "equal_time": _point(measurement.equal_time, noise),
         "slope": _finite(slope(curve.seconds, [math.sqrt(error) for error in curve.errors])),
-        "bias": {"relative_error": math.sqrt(bias), "standard_error": bias_error},
+        "bias": {"relative_error": math.sqrt(bias.squared), "limit": bias.limit and math.sqrt(bias.limit)},
         "efficiency": _efficiency(measurement, experiment.measurements[0], noise),
         "learning": {
             "share_of_time": share,
             "per_sample": _cost(measurement) / _cost(experiment.measurements[0]),
         },
-        "time_to": [_arrival(curve, target, share) for target in TARGETS],
+        "time_to": [_arrival(curve, target, share, _scatter(measurement, noise)) for target in TARGETS],
     }
 
 
-def _arrival(curve: Curve, target: float, learn_share: float) -> dict[str, Any]:
+def _arrival(curve: Curve, target: float, learn_share: float, scatter: dict[str, float]) -> dict[str, Any]:
     arrival = time_to(curve, target**2)
     seconds = _finite(arrival.seconds)
+    if seconds is None:
+        return {"relative_error": target, "kind": arrival.kind, "seconds": None, "learn_seconds": None}
     return {
         "relative_error": target,
-        "seconds": seconds,
         "kind": arrival.kind,
-        "learn_seconds": None if seconds is None else seconds * learn_share,
+        "seconds": {end: seconds * factor for end, factor in scatter.items()},
+        "learn_seconds": seconds * learn_share,
     }
+
+
+def _scatter(measurement: Measurement, noise: float) -> dict[str, float]:
+    """relMSE x time of the longest runs over its median: as much scatters a time to an error."""
+    _, runs = max(measurement.runs.items())
+    costs = [_without(run, noise) * run.seconds for run in runs]
+    return _spread([cost / _median(costs) for cost in costs])
 
 
 def _point(runs: Sequence[Run], noise: float) -> dict[str, Any]:
@@ -148,14 +147,6 @@ def _curve(measurement: Measurement, noise: float, bias: float) -> Curve:
     )
 
 
-def _bias(measurement: Measurement, reference: Reference) -> tuple[float, float]:
-    """relMSE that is bias for sure, else 0, and the root of its standard error."""
-    if measurement.longest is None or reference.squared_standard_error is None:
-        return 0.0, 0.0
-    squared, error = squared_bias(measurement.longest, reference)
-    return (squared if squared > SIGNIFICANT * error else 0.0), math.sqrt(error)
-
-
 def _efficiency(measurement: Measurement, baseline: Measurement, noise: float) -> dict[str, float]:
     """1 / (relMSE x time) over the baseline's, each repetition with the baseline's of the same turn."""
     pairs = zip(measurement.equal_time, baseline.equal_time, strict=True)
@@ -167,13 +158,19 @@ def _efficiency(measurement: Measurement, baseline: Measurement, noise: float) -
 
 def _doubts(experiment: Experiment, first: Run) -> list[str]:
     """What makes the numbers less than they look."""
-    noise = _reference_noise(experiment.reference)
+    doubts = []
     if experiment.reference.squared_standard_error is None:
         unknown = "says nothing of its own noise, which is then part of every error and hides any bias"
-        return [f"{experiment.reference.source}: {unknown}"]
-    if first.relative_mse < 4.0 * noise:
-        return ["the reference is hardly better than the longest runs: raise --reference-spp"]
-    return []
+        doubts.append(f"{experiment.reference.source}: {unknown}")
+    elif first.relative_mse < 4.0 * _reference_noise(experiment.reference):
+        doubts.append("the reference is hardly better than the longest runs: raise --reference-spp")
+    times = [_spread([run.seconds for run in measurement.equal_time]) for measurement in experiment.measurements]
+    worst = max(time["high"] / time["low"] for time in times)
+    if worst > BUSY:
+        doubts.append(
+            f"the same run took up to {worst:.1f} times as long as before: let the machine rest, or raise --repeats"
+        )
+    return doubts
 
 
 def _reference_noise(reference: Reference) -> float:
@@ -196,7 +193,12 @@ def _pictures(measurement: Measurement) -> Pictures:
     return measurement.in_equal_time
 
 
-def _box_mean(picture: NDArray[np.float64], radius: int = 4) -> NDArray[np.float64]:
+def _longest(measurement: Measurement) -> Pictures:
+    assert measurement.longest is not None, "every variant that is kept has run"
+    return measurement.longest
+
+
+def _box_mean(picture: NDArray[np.float64], radius: int = 8) -> NDArray[np.float64]:
     """Mean over the square about each pixel, smaller at the border, by a table of sums."""
     height, width = picture.shape
     table = np.zeros((height + 1, width + 1))

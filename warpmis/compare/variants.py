@@ -76,8 +76,10 @@ def variant(label: str) -> Variant:
 
 
 def default_variants() -> list[Variant]:
-    """Every method of DEFAULT_LABELS that this version has."""
-    return [variant(label) for label in DEFAULT_LABELS if _exists(label)]
+    """Every method of DEFAULT_LABELS that this version has, strategies named only where there is a choice."""
+    labels = [label for label in DEFAULT_LABELS if _exists(label)]
+    methods = [label.partition(" ")[0] for label in labels]
+    return [variant(label if methods.count(name) > 1 else name) for label, name in zip(labels, methods, strict=True)]
 
 
 def chosen_variants(labels: Sequence[str]) -> list[Variant]:

@@ -36,9 +36,9 @@ def make_folder(path: str) -> Path:
     return folder
 
 
-def write_comparison(experiment: Experiment, folder: Path) -> dict[str, Any]:
-    """Write everything, and return what report.json says."""
-    summary = summarize(experiment)
+def write_comparison(experiment: Experiment, stage: str, folder: Path) -> dict[str, Any]:
+    """Write everything, and return what report.json says; `stage` is what the stage is called."""
+    summary = summarize(experiment, stage)
     pictures = []
     for number, measurement in enumerate(experiment.measurements):
         shown, mean = _pictures(measurement, experiment, is_baseline=number == 0)

@@ -71,8 +71,8 @@ def report_page(summary: Mapping[str, Any], reference: NDArray[np.floating], pic
         times=time_table(methods, summary["targets"]),
         costs=cost_table(methods, escape(summary["baseline"])),
         flip_note="" if flip else "The FLIP view is left out: install the package flip-evaluator to have it.",
-        maps=_maps(pictures),
-        sweeps="".join(_sweep(summary, knob) for knob in _knobs(summary)),
+        maps=_maps([shown for shown in pictures if shown.label in {method["label"] for method in methods}]),
+        sweeps="".join(_sweep(summary, knob, pictures) for knob in _knobs(summary)),
         method_notes=_method_notes(summary),
         # "</" would end the script element that holds the data.
         pixels=json.dumps(_pixels(summary, reference, pictures)).replace("</", "<\\/"),
@@ -85,25 +85,32 @@ def _about(summary: Mapping[str, Any]) -> str:
 
 
 def _verdict(methods: Sequence[dict[str, Any]], baseline: str) -> str:
-    """Who is good enough first, in one sentence."""
-
-    def arrival(method: dict[str, Any]) -> dict[str, Any]:
-        return next(a for a in method["time_to"] if a["relative_error"] == GOOD_ENOUGH)
-
-    arriving = [method for method in methods if arrival(method)["seconds"] is not None]
-    if not arriving:
+    """Who is good enough first, in a sentence or two; methods whose ranges overlap are level."""
+    arrivals = {
+        method["label"]: next(a for a in method["time_to"] if a["relative_error"] == GOOD_ENOUGH) for method in methods
+    }
+    times = {label: arrival["seconds"] for label, arrival in arrivals.items() if arrival["seconds"] is not None}
+    if not times:
         return f"No method reaches {percent(GOOD_ENOUGH)} error."
-    best = min(arriving, key=lambda method: arrival(method)["seconds"])
-    sure = "" if arrival(best)["kind"] != "predicted" else " by prediction"
+    best = min(times, key=lambda label: times[label]["median"])
+    level = [label for label in times if label != best and times[label]["low"] <= times[best]["high"]]
+    guess = " (predicted)" if arrivals[best]["kind"] == "predicted" else ""
     sentence = (
-        f"<b>{escape(best['label'])}</b> is the first to {percent(GOOD_ENOUGH)} error: "
-        f"<b>{seconds_text(arrival(best)['seconds'])}</b>{sure}."
+        f"<b>{escape(best)}</b> is the first to {percent(GOOD_ENOUGH)} error, "
+        f"in <b>{seconds_text(times[best]['median'])}</b>{guess}"
     )
-    theirs = arrival(methods[0])["seconds"]
-    if best is methods[0] or theirs is None:
-        return sentence
-    times = ratio_text(theirs / arrival(best)["seconds"])
-    return f"{sentence} <b>{escape(baseline)}</b> takes {seconds_text(theirs)}, {times} times as long."
+    if level:
+        sentence += f"; {_listed(level)} {'is' if len(level) == 1 else 'are'} level with it within the spread"
+    if best == baseline or baseline in level or baseline not in times:
+        return f"{sentence}."
+    ratio = ratio_text(times[baseline]["median"] / times[best]["median"])
+    theirs = seconds_text(times[baseline]["median"])
+    return f"{sentence}. <b>{escape(baseline)}</b> takes {theirs}, {ratio} times as long."
+
+
+def _listed(labels: Sequence[str]) -> str:
+    names = [f"<b>{escape(label)}</b>" for label in labels]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _messages(summary: Mapping[str, Any]) -> str:
@@ -120,14 +127,17 @@ def _knobs(summary: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(method["knob"] for method in summary["methods"] if method["knob"]))
 
 
-def _sweep(summary: Mapping[str, Any], knob: str) -> str:
+def _sweep(summary: Mapping[str, Any], knob: str, pictures: Sequence[MethodPictures]) -> str:
     methods = [method for method in summary["methods"] if method["knob"] == knob]
+    labels = {method["label"] for method in methods}
+    maps = _maps([shown for shown in pictures if shown.label in labels])
     targets = summary["targets"]
     return (
         f"<section><h2>What {escape(knob)} costs and buys</h2>{_legend(methods)}"
         f"<figure>{error_plot(methods, targets, summary['reference']['relative_error'])}</figure>"
         f"{glance_table(methods, flip=False)}{time_table(methods, targets)}"
-        f"{cost_table(methods, escape(summary['baseline']))}</section>"
+        f"{cost_table(methods, escape(summary['baseline']))}"
+        f'<div class="maps">{maps}</div></section>'
     )
 
 
@@ -137,7 +147,7 @@ def _maps(pictures: Sequence[MethodPictures]) -> str:
         label = escape(method.label)
         if method.allocation is not None and method.allocation.shape[-1] <= 3:
             picture = with_legend(balance_map(method.allocation, method.strategies), method.strategies)
-            text = f"<b>{label}</b>: learned shares; the bar below runs between {' and '.join(method.strategies)}"
+            text = f"<b>{label}</b>: learned shares, all {' to all '.join(method.strategies)} in the bar"
             cards.append((png_uri(picture), text))
         if method.efficiency is not None:
             cards.append((png_uri(ratio_map(method.efficiency)), f"<b>{label}</b>: efficiency over the baseline's"))

@@ -52,5 +52,5 @@ def diverging_gradient() -> str:
 
 def exposure_for(image: NDArray[np.floating]) -> float:
     """Exposure at which the bright parts of a picture show just below white, to half a stop [stops]."""
-    bright = float(np.percentile(np.asarray(image, np.float64).max(axis=-1), 90.0))
-    return round(2.0 * np.log2(0.8 / bright)) / 2.0 if bright > 0.0 else 0.0
+    bright = float(np.percentile(np.asarray(image, np.float64).max(axis=-1), 95.0))
+    return round(2.0 * np.log2(0.9 / bright)) / 2.0 if bright > 0.0 else 0.0

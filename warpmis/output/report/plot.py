@@ -87,8 +87,8 @@ def _axes(methods: Sequence[dict[str, Any]], targets: Sequence[float]) -> Axes:
     errors = [point["relative_error"][end] for point in points for end in ("low", "high")]
     horizon = FORESIGHT * max(times)
     arrivals = [arrival for method in methods for arrival in method["time_to"]]
-    reached = [a for a in arrivals if a["kind"] in ("measured", "predicted") and a["seconds"] <= horizon]
-    times += [arrival["seconds"] for arrival in reached]
+    reached = [a for a in arrivals if a["kind"] in ("measured", "predicted") and a["seconds"]["median"] <= horizon]
+    times += [arrival["seconds"]["median"] for arrival in reached]
     errors += [arrival["relative_error"] for arrival in reached]
     return Axes((0.8 * min(times), 1.25 * max(times)), (0.85 * min(errors), 1.15 * max(errors)))
 
@@ -97,10 +97,11 @@ def _series(axes: Axes, method: dict[str, Any], number: int) -> list[str]:
     points = [(point["seconds"]["median"], point["relative_error"]) for point in method["runs"]]
     path = "L".join(f"{axes.x(t):.1f},{axes.y(e['median']):.1f}" for t, e in points)
     lines = [f'<g class="series s{number % 8}">', f'<path class="line" d="M{path}"/>']
-    future = [a for a in method["time_to"] if a["kind"] == "predicted" and a["seconds"] <= axes.seconds[1]]
+    predicted = [a for a in method["time_to"] if a["kind"] == "predicted"]
+    future = [a for a in predicted if a["seconds"]["median"] <= axes.seconds[1]]
     if future:
         start = (points[-1][0], points[-1][1]["median"])
-        ahead = [start, *((a["seconds"], a["relative_error"]) for a in future)]
+        ahead = [start, *((a["seconds"]["median"], a["relative_error"]) for a in future)]
         path = "L".join(f"{axes.x(t):.1f},{axes.y(e):.1f}" for t, e in ahead)
         lines.append(f'<path class="line predicted" d="M{path}"/>')
     shape = MARKERS[number % len(MARKERS)]
@@ -161,7 +162,7 @@ def _reference(axes: Axes, error: float | None) -> list[str]:
     y = axes.y(error)
     return [
         f'<path class="reference" d="M{LEFT},{y:.1f}H{WIDTH - RIGHT}"/>',
-        f'<text class="reference" x="{LEFT + 6}" y="{y - 5:.1f}">the reference\'s own noise, {percent(error)}</text>',
+        f'<text class="reference" x="{LEFT + 6}" y="{y + 15:.1f}">the reference\'s own noise, {percent(error)}</text>',
     ]
 
 

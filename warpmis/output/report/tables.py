@@ -31,7 +31,7 @@ def glance_table(methods: Sequence[Method], flip: bool) -> str:
         ("error at equal samples", "relative error of the longest run of the ladder", lambda m: _error(m["runs"][-1])),
         ("its time", "learning and rendering", lambda m: seconds_text(m["runs"][-1]["seconds"]["median"])),
         ("slope", "of the error over time, both in logarithms; independent samples give −0.5", _slope),
-        ("bias", "relative error that more samples do not remove", _bias),
+        ("bias", "relative error that more samples do not remove; below it, how much could hide in the noise", _bias),
     ]
     if flip:
         columns.append(("ꟻLIP", "mean HDR-FLIP at equal time: 0 the same, 1 as different as can be", _flip))
@@ -43,8 +43,7 @@ def time_table(methods: Sequence[Method], targets: Sequence[float]) -> str:
     first = {}
     for index, target in enumerate(targets):
         arrivals = [method["time_to"][index]["seconds"] for method in methods]
-        known = [seconds for seconds in arrivals if seconds is not None]
-        first[target] = min(known, default=None)
+        first[target] = min((seconds["median"] for seconds in arrivals if seconds is not None), default=None)
 
     def column(index: int, target: float) -> Column:
         def cell(method: Method) -> str:
@@ -102,11 +101,13 @@ def _range(low: str, high: str) -> str:
 def _arrival(arrival: dict[str, Any], method: Method, first: float | None) -> str:
     if arrival["kind"] == "never":
         return f'<span class="never">never: bias {percent(method["bias"]["relative_error"])}</span>'
-    text = seconds_text(arrival["seconds"])
+    low, seconds, high = (arrival["seconds"][end] for end in ("low", "median", "high"))
+    text = seconds_text(seconds)
     shown = {"measured": text, "predicted": f"<i>≈ {text}</i>", "sooner": f"&lt; {text}"}[arrival["kind"]]
-    if arrival["seconds"] == first:
+    if seconds == first:
         shown = f"<mark>{shown}</mark>"
     learn = arrival["learn_seconds"]
+    shown += _range(seconds_text(low), seconds_text(high))
     return shown + (f'<span class="spread">{seconds_text(learn)} of it learning</span>' if learn else "")
 
 
@@ -116,7 +117,10 @@ def _slope(method: Method) -> str:
 
 def _bias(method: Method) -> str:
     error = method["bias"]["relative_error"]
-    return f"<b>{percent(error)}</b>" if error else "none seen"
+    if error:
+        return f"<b>{percent(error)}</b>"
+    limit = method["bias"]["limit"]
+    return "not known" if limit is None else f'none seen<span class="spread">&lt; {percent(limit)}</span>'
 
 
 def _flip(method: Method) -> str:
