@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from warpmis.config import RenderConfig
+from warpmis.progress import Progress
 from warpmis.result import RenderResult
 
 WIDTH, HEIGHT = 48, 32
@@ -34,6 +35,8 @@ class FakeRender:
     jitter: float = 0.0
 
     def __call__(self, scene: Any, *, config: RenderConfig, progress: Any = None) -> RenderResult:
+        if progress is not None:
+            progress(Progress("render", config.spp * WIDTH * HEIGHT, config.spp * WIDTH * HEIGHT, 0, 0.0))
         rng = np.random.default_rng(config.seed)
         noise = rng.standard_normal(TRUTH.shape) * self.noise[config.method] / np.sqrt(config.spp)
         image = (TRUTH * (1.0 + self.bias.get(config.max_depth, 0.0) + noise)).astype(np.float32)

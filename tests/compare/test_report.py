@@ -117,7 +117,8 @@ def test_plot_is_logarithmic_and_holds_everything() -> None:
     [
         (percent(0.02), "2 %"), (percent(0.0234), "2.3 %"), (percent(0.005), "0.5 %"), (percent(1.1), "110 %"),
         (percent(0.1), "10 %"), (percent(0.0), "0 %"), (seconds_text(0.0123), "0.012 s"), (seconds_text(12.34), "12 s"),
-        (seconds_text(99.0), "99 s"), (seconds_text(100.0), "1.7 min"), (seconds_text(7200.0), "2.0 h"),
+        (seconds_text(99.0), "99 s"), (seconds_text(9.96), "10 s"), (seconds_text(100.0), "1.7 min"),
+        (seconds_text(7200.0), "2.0 h"),
         (seconds_text(864000.0), "10 days"), (ratio_text(1.234), "1.23"), (ratio_text(123.4), "123"),
     ],
 )  # fmt: skip

@@ -16,11 +16,11 @@ def percent(value: float) -> str:
 
 
 def seconds_text(seconds: float) -> str:
-    """Seconds with two or three significant digits, minutes from 100 s on, hours from 100 min on, then days."""
+    """Seconds with two significant digits, minutes from 100 s on, hours from 100 min on, then days."""
     for unit, length, limit in (("s", 1.0, 100.0), ("min", 60.0, 100.0), ("h", 3600.0, 48.0)):
         if seconds < length * limit:
-            return f"{_three_digits(seconds / length)} {unit}"
-    return f"{_three_digits(seconds / 86400.0)} days"
+            return f"{_short(seconds / length)} {unit}"
+    return f"{_short(seconds / 86400.0)} days"
 
 
 def ratio_text(ratio: float) -> str:
@@ -28,8 +28,9 @@ def ratio_text(ratio: float) -> str:
     return f"{ratio:.2f}" if ratio < 10.0 else f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
 
 
-def _three_digits(value: float) -> str:
+def _short(value: float) -> str:
+    """Two significant digits, and no fewer than stand before the point."""
     if value <= 0.0:
         return "0"
-    digits = max(0, 1 - math.floor(math.log10(value)))
-    return f"{value:.{digits}f}" if value < 100.0 else f"{value:.0f}"
+    rounded = float(f"{value:.1e}")
+    return f"{rounded:.{max(0, 1 - math.floor(math.log10(rounded)))}f}" if value < 100.0 else f"{value:.0f}"
