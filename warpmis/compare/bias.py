@@ -48,19 +48,34 @@ def bias_of(pictures: Pictures, reference: Reference) -> Bias:
 def squared_bias(pictures: Pictures, reference: Reference, side: int = 1) -> tuple[float, float]:
     """Squared bias of the means of blocks of `side` x `side` pixels, and its standard error.
 
-    Of K repetitions x_k with mean m, relative to squared_scale, n pixels a block,
+    Of K repetitions x_k with mean m, each of n pixels a block, relative to a smooth scale,
 
         b^2 = |mean of (m - r)|^2 - mean of s^2 / (K n) - mean of v / n
         s^2 = (mean_k |x_k - r|^2 - |m - r|^2) K / (K - 1)        v: the reference's squared standard error
 
     s^2 being the variance of one repetition: without a bias, b^2 is 0 on average.
     """
-    count, pixels = pictures.count, side * side
-    apart = (pictures.mean_image() - reference.image) / np.sqrt(squared_scale(reference.image))[..., np.newaxis]
-    variance = (pictures.mean_error() - apart**2 @ LUMINANCE) * count / (count - 1)
-    noise = _block_means(variance / count + reference.relative_noise(), side) / pixels
-    each = _block_means(apart, side) ** 2 @ LUMINANCE - noise
+    truth, count = reference.image, pictures.count
+    scale = _smooth_scale(truth)
+    noise = reference.squared_standard_error if reference.squared_standard_error is not None else 0.0
+    apart = pictures.mean_image() - truth
+    variance = (pictures.mean_error() * squared_scale(truth) - apart**2 @ LUMINANCE) * count / (count - 1)
+    chance = _block_means((variance / count + noise) / scale, side) / (side * side)
+    each = _block_means(apart / np.sqrt(scale)[..., np.newaxis], side) ** 2 @ LUMINANCE - chance
     return float(each.mean()), float(each.std() / math.sqrt(each.size))
+
+
+def _smooth_scale(reference: NDArray[np.float64], side: int = 16) -> NDArray[np.float64]:
+    """squared_scale of the reference's block means, shape (H, W).
+
+    A pixel's own scale follows the reference's noise: dividing by it makes errors large just where the reference
+    happens to be too dark, and any noisy reference would look like a bias.
+    """
+    height, width = reference.shape[:2]
+    side = min(side, height, width)
+    scale = squared_scale(_block_means(reference, side))
+    rows, columns = (np.minimum(np.arange(length) // side, length // side - 1) for length in (height, width))
+    return scale[np.ix_(rows, columns)]
 
 
 def _block_means(picture: NDArray[np.float64], side: int) -> NDArray[np.float64]:
