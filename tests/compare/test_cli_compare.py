@@ -61,7 +61,7 @@ def test_json_is_all_of_standard_output(loaded: dict[str, Any], capsys: pytest.C
 
 def test_time_finds_the_samples(loaded: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     """0.1 s a sample: 2 (85/64 + 1) + 16 samples for each of the longest run are 2.07 s."""
-    assert main("compare box.usda -o out --time 55 --repeats 2 --method balance --json --quiet".split()) == 0
+    assert main("compare box.usda -o out --time-limit 55 --repeats 2 --method balance --json --quiet".split()) == 0
     assert json.loads(capsys.readouterr().out)["spp"] == 24
 
 
@@ -69,7 +69,7 @@ def test_time_finds_the_samples(loaded: dict[str, Any], capsys: pytest.CaptureFi
     ("options", "message"),
     [
         ("--method magic", "unknown method 'magic'"),
-        ("--time 5 --spp 4", "give one of the two"),
+        ("--time-limit 5 --spp 4", "give one of the two"),
         ("--reference a.exr --reference-spp 64", "give one of the two"),
         ("--repeats 1", "repeats must be at least 2"),
         ("--device tpu", "unknown device 'tpu'"),

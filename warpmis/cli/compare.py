@@ -11,7 +11,7 @@ from typing import Any
 import warpmis
 from warpmis.cli.console import progress_bar, say, start_warp
 from warpmis.cli.render import add_stage_options, given, stage_options
-from warpmis.compare.variants import DEFAULT_LABELS, KNOBS, Variant, chosen_variants, default_variants, swept
+from warpmis.compare.variants import KNOBS, Variant, chosen_variants, default_variants, swept
 from warpmis.config import RenderConfig
 from warpmis.errors import ConfigError
 
@@ -45,7 +45,7 @@ def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--method", action="append", metavar="NAME", dest="methods",
         help='a method, or one with its strategies such as "murray20 bsdf,light"; may be repeated; balance is always '
-        f"among them (those of {'; '.join(DEFAULT_LABELS)} that this version has)",
+        f"among them ({'; '.join(one.label for one in default_variants())})",
     )  # fmt: skip
     group.add_argument(
         "--sweep", action="append", type=_sweep, metavar="NAME=A,B", default=[],
@@ -53,9 +53,11 @@ def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--reference", metavar="FILE.exr", help="what is right (rendered by balance)")
     group.add_argument("--reference-spp", type=int, metavar="N", help="samples per pixel of one rendered (16 x --spp)")
-    group.add_argument("--spp", type=int, metavar="N", help="samples per pixel of the longest runs (as --time affords)")
     group.add_argument(
-        "--time", type=float, metavar="SECONDS", help=f"about how long all of it may take ({DEFAULT_SECONDS:g})"
+        "--spp", type=int, metavar="N", help="samples per pixel of the longest runs (as --time-limit affords)"
+    )
+    group.add_argument(
+        "--time-limit", type=float, metavar="SECONDS", help=f"about how long all of it may take ({DEFAULT_SECONDS:g})"
     )
     group.add_argument("--repeats", type=int, metavar="N", help=f"runs of each kind ({DEFAULT_REPEATS})")
 
@@ -106,9 +108,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What Settings is built of; the time and --spp exclude each other."""
-    if arguments.time is not None and arguments.spp is not None:
-        raise ConfigError("--time finds the samples per pixel, --spp sets them; give one of the two")
+    """What Settings is built of; --time-limit and --spp exclude each other."""
+    if arguments.time_limit is not None and arguments.spp is not None:
+        raise ConfigError("--time-limit finds the samples per pixel, --spp sets them; give one of the two")
     if arguments.reference is not None and arguments.reference_spp is not None:
         raise ConfigError("--reference is there already, --reference-spp renders one; give one of the two")
     common = given(max_depth=arguments.max_depth, device=arguments.device, threads=arguments.threads)
@@ -118,7 +120,7 @@ def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
             seed=arguments.seed,
             repeats=arguments.repeats,
             spp=arguments.spp,
-            seconds=arguments.time,
+            seconds=arguments.time_limit,
             reference=arguments.reference,
             reference_spp=arguments.reference_spp,
         ),

@@ -89,6 +89,7 @@ def _method(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
         "label": variant.label,
         "knob": variant.knob or None,
         "value": variant.value if variant.knob else None,
+        "settings": first.settings,
         "strategies": list(first.strategies) if first.settings["method"] != "nee" else [],
         "compile_seconds": measurement.compile_seconds,
         "runs": [_point(runs, noise) for _, runs in sorted(measurement.runs.items())],

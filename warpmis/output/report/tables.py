@@ -31,10 +31,11 @@ def glance_table(methods: Sequence[Method], flip: bool) -> str:
         ("error at equal samples", "relative error of the longest run of the ladder", lambda m: _error(m["runs"][-1])),
         ("its time", "learning and rendering", lambda m: seconds_text(m["runs"][-1]["seconds"]["median"])),
         ("slope", "of the error over time, both in logarithms; independent samples give −0.5", _slope),
+        ("MSE", "mean squared error at equal time, fireflies and all", _mse),
         ("bias", "relative error that more samples do not remove; below it, how much could hide in the noise", _bias),
     ]
     if flip:
-        columns.append(("ꟻLIP", "mean HDR-FLIP at equal time: 0 the same, 1 as different as can be", _flip))
+        columns.append(("FLIP", "mean HDR-FLIP at equal time: 0 the same, 1 as different as can be", _flip))
     return _table(methods, columns)
 
 
@@ -121,6 +122,10 @@ def _bias(method: Method) -> str:
         return f"<b>{percent(error)}</b>"
     limit = method["bias"]["limit"]
     return "not known" if limit is None else f'none seen<span class="spread">&lt; {percent(limit)}</span>'
+
+
+def _mse(method: Method) -> str:
+    return f"{method['equal_time']['mean_squared_error']['median']:.2g}"
 
 
 def _flip(method: Method) -> str:
