@@ -119,9 +119,9 @@ def _arrival(curve: Curve, target: float, learn_share: float, scatter: dict[str,
 
 
 def _scatter(measurement: Measurement, noise: float) -> dict[str, float]:
-    """relMSE x time of the longest runs over its median: as much scatters a time to an error."""
+    """relMSE x time of the longer runs over its median: as much scatters a time to an error."""
     _, runs = max(measurement.runs.items())
-    costs = [_without(run, noise) * run.seconds for run in runs]
+    costs = [_without(run, noise) * run.seconds for run in _long_runs(measurement, runs)]
     return _spread([cost / _median(costs) for cost in costs])
 
 
@@ -137,15 +137,27 @@ def _point(runs: Sequence[Run], noise: float) -> dict[str, Any]:
 
 
 def _curve(measurement: Measurement, noise: float, bias: float) -> Curve:
+    """Medians of the runs that are clear of the reference's noise.
+
+    The longest run's time, on which all predictions rest, is taken from twice as many runs, those of equal time too:
+    relMSE x time is the same for all runs of some length.
+    """
     budgets = [runs for _, runs in sorted(measurement.runs.items())]
     clear = [runs for runs in budgets if _median(run.relative_mse for run in runs) > ABOVE_REFERENCE * noise]
     budgets = clear or budgets[:1]
-    return Curve(
-        tuple(_median(run.seconds for run in runs) for runs in budgets),
-        tuple(_median(_without(run, noise) for run in runs) for runs in budgets),
-        # Never above what was measured: they come from different trimmings.
-        min(bias, 0.999 * min(_median(_without(run, noise) for run in runs) for runs in budgets)),
-    )
+    seconds = [_median(run.seconds for run in runs) for runs in budgets]
+    errors = [_median(_without(run, noise) for run in runs) for runs in budgets]
+    bias = min(bias, 0.999 * min(errors))  # never above what was measured: they come from different trimmings
+    costs = [max(_without(run, noise) - bias, 0.0) * run.seconds for run in _long_runs(measurement, budgets[-1])]
+    steady = _median(costs) / (errors[-1] - bias)
+    if not seconds[:-1] or steady > seconds[-2]:  # else the machine was too busy to tell
+        seconds[-1] = steady
+    return Curve(tuple(seconds), tuple(errors), bias)
+
+
+def _long_runs(measurement: Measurement, longest: Sequence[Run]) -> list[Run]:
+    """The runs that are at least about as long as `longest`, one budget's repetitions."""
+    return [*longest, *(run for run in measurement.equal_time if run.spp >= 0.5 * longest[0].spp)]
 
 
 def _efficiency(measurement: Measurement, baseline: Measurement, noise: float) -> dict[str, float]:
