@@ -27,12 +27,15 @@ class FakeRender:
         noise: relative standard deviation of one sample, by method.
         cost: seconds of one sample per pixel, by method.
         bias: relative, by max_depth.
+        slow_after: calls after which everything takes 16 times as long.
     """
 
     noise: dict[str, float] = field(default_factory=lambda: {"balance": 1.0, "nee": 1.0, "murray20": 1.0})
     cost: dict[str, float] = field(default_factory=lambda: {"balance": 0.1, "nee": 0.1, "murray20": 0.1})
     bias: dict[int, float] = field(default_factory=dict)
     jitter: float = 0.0
+    slow_after: int = 10**9
+    calls: int = 0
 
     def __call__(self, scene: Any, *, config: RenderConfig, progress: Any = None) -> RenderResult:
         if progress is not None:
@@ -40,7 +43,9 @@ class FakeRender:
         rng = np.random.default_rng(config.seed)
         noise = rng.standard_normal(TRUTH.shape) * self.noise[config.method] / np.sqrt(config.spp)
         image = (TRUTH * (1.0 + self.bias.get(config.max_depth, 0.0) + noise)).astype(np.float32)
+        self.calls += 1
         seconds = config.spp * self.cost[config.method] * (1.0 + self.jitter * rng.random())
+        seconds *= 16.0 if self.calls > self.slow_after else 1.0
         learn = 0.5 * seconds if config.method == "murray20" else 0.0
         flat = np.zeros((HEIGHT, WIDTH), np.float32)
         return RenderResult(

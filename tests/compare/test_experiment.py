@@ -118,6 +118,16 @@ def test_what_needs_more_samples_is_left_out_and_named(fake: FakeRender) -> None
     assert any("learn-spp 512 needs more than 64 samples" in line for line in summary["warnings"])
 
 
+def test_a_machine_that_slows_down_gets_shorter_runs(fake: FakeRender) -> None:
+    """2 (85/64 + 1) + 16 samples at 0.1 s for each of the longest run; then 2 (85/64 + 1) at 1.6 s: 17.9."""
+    settings = {"spp": None, "repeats": 2, "seconds": 2.07 * 64 + 1.0}
+    assert compared(BALANCE, **settings)["spp"] == 64
+    fake.slow_after = fake.calls + 2  # the two renders that calibrate
+    slow = compared(BALANCE, **settings)
+    assert slow["spp"] == 16
+    assert "1024 samples" in slow["reference"]["source"]
+
+
 # ---- the reference --------------------------------------------------------------------------------------------------
 
 

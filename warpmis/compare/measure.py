@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -133,17 +134,26 @@ def run_experiment(
     bench = _Bench(scene, settings, progress)
     given = read_reference(settings.reference, scene.resolution) if settings.reference else None
     measurements = [bench.calibrated(variant) for variant in variants]
-    known = given is not None or settings.reference_spp is not None
-    costs = [measurement.seconds_per_spp for measurement in measurements]
-    spp = settings.spp or affordable_spp(settings.seconds, costs, settings.repeats, reference=not known)
+    spp = settings.spp or bench.affordable(measurements, reference=given is None and settings.reference_spp is None)
+    reference_spp = 0 if given else settings.reference_spp or REFERENCE_FACTOR * spp
+    bench.expect(measurements, spp, reference_spp)
+    bench.reference = given or bench.rendered_reference(variants, reference_spp)
+    if settings.spp is None and not given:
+        bench.slowdown = bench.reference.seconds / (reference_spp * measurements[0].seconds_per_spp)
+        spp = min(spp, bench.affordable(measurements, reference=False))
+        bench.expect(measurements, spp, 0)
     left_out = []
     for measurement in list(measurements):
         if not _budgets(measurement, settings, spp):
             left_out.append(f"{measurement.variant.label} needs more than {spp} samples per pixel: raise --spp")
             measurements.remove(measurement)
-    reference_spp = 0 if given else settings.reference_spp or REFERENCE_FACTOR * spp
-    bench.expect(measurements, spp, reference_spp)
-    bench.reference = given or bench.rendered_reference(variants, reference_spp)
+    _measure(bench, measurements, spp)
+    return Experiment(scene, settings, spp, bench.reference, measurements, left_out)
+
+
+def _measure(bench: _Bench, measurements: Sequence[Measurement], spp: int) -> None:
+    """The ladder up to `spp`, then every variant for as long as the baseline's longest run took."""
+    settings = bench.settings
     for repeat in range(settings.repeats):
         for measurement in _in_turn(measurements, repeat):
             for budget in _budgets(measurement, settings, spp):
@@ -152,7 +162,6 @@ def run_experiment(
     for repeat in range(settings.repeats):
         for measurement in _in_turn(measurements, repeat):
             bench.spend(measurement, seconds, repeat)
-    return Experiment(scene, settings, spp, bench.reference, measurements, left_out)
 
 
 def _budgets(measurement: Measurement, settings: Settings, spp: int) -> list[int]:
@@ -187,6 +196,15 @@ class _Bench:
         self.next_seed = settings.seed
         self.done = 0
         self.total = 0
+        self.started = time.perf_counter()
+        # How much longer a long render takes than its trial promised: other programs come, and a warm processor slows.
+        self.slowdown = 1.0
+
+    def affordable(self, measurements: Sequence[Measurement], *, reference: bool) -> int:
+        """The longest runs' samples per pixel that the rest of the time has room for."""
+        rest = self.settings.seconds - (time.perf_counter() - self.started)
+        costs = [measurement.seconds_per_spp * max(1.0, self.slowdown) for measurement in measurements]
+        return affordable_spp(max(rest, 0.0), costs, self.settings.repeats, reference=reference)
 
     def render(self, variant: Variant, spp: int, what: str) -> warpmis.RenderResult:
         """A render with a seed that no other has."""

@@ -53,7 +53,7 @@ def error_plot(methods: Sequence[dict[str, Any]], targets: Sequence[float], refe
         *_time_axis(axes),
         *_error_axis(axes),
         *_targets(axes, targets),
-        *_reference(axes, reference_error),
+        *_reference(axes, reference_error, targets),
         '<g clip-path="inset(0)">',
         *(line for number, method in enumerate(methods) for line in _series(axes, method, number)),
         "</g></svg>",
@@ -156,13 +156,15 @@ def _targets(axes: Axes, targets: Sequence[float]) -> list[str]:
     return lines
 
 
-def _reference(axes: Axes, error: float | None) -> list[str]:
+def _reference(axes: Axes, error: float | None, targets: Sequence[float]) -> list[str]:
     if error is None or not axes.errors[0] <= error <= axes.errors[1]:
         return []
     y = axes.y(error)
+    crowded = any(-4.0 < axes.y(target) - y < 20.0 for target in targets)
+    words = y - 6.0 if crowded else y + 15.0
     return [
         f'<path class="reference" d="M{LEFT},{y:.1f}H{WIDTH - RIGHT}"/>',
-        f'<text class="reference" x="{LEFT + 6}" y="{y + 15:.1f}">the reference\'s own noise, {percent(error)}</text>',
+        f'<text class="reference" x="{LEFT + 6}" y="{words:.1f}">the reference\'s own noise, {percent(error)}</text>',
     ]
 
 
