@@ -27,9 +27,13 @@ def glance_table(methods: Sequence[Method], flip: bool) -> str:
     columns: list[Column] = [
         ("efficiency", "1 / (relMSE × time) over the baseline's, at equal time; median and range", efficiency),
         ("error at equal time", "relative error, median and range", lambda m: _error(m["equal_time"])),
-        ("spp in that time", "samples per pixel", lambda m: str(m["equal_time"]["spp"])),
+        ("spp", "samples per pixel in that time", lambda m: str(m["equal_time"]["spp"])),
         ("error at equal samples", "relative error of the longest run of the ladder", lambda m: _error(m["runs"][-1])),
-        ("its time", "learning and rendering", lambda m: seconds_text(m["runs"][-1]["seconds"]["median"])),
+        (
+            "time",
+            "of these samples, learning included",
+            lambda m: seconds_text(m["runs"][-1]["seconds"]["median"]),
+        ),
         ("slope", "of the error over time, both in logarithms; independent samples give −0.5", _slope),
         ("MSE", "mean squared error at equal time, fireflies and all", _mse),
         ("bias", "relative error that more samples do not remove; below it, how much could hide in the noise", _bias),
