@@ -211,7 +211,7 @@ def test_rounds_of_a_swept_length_fit_the_budget() -> None:
         swept("max-depth", [-1])
 
 
-@pytest.mark.parametrize("settings", [{"repeats": 1}, {"seconds": 0.0}, {"reference_spp": 1}])
+@pytest.mark.parametrize("settings", [{"repeats": 1}, {"seconds": 0.0}, {"spp": 0}, {"reference_spp": 1}])
 def test_settings_are_checked(settings: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         Settings(**settings)

@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> None:
     start_warp()
     from warpmis.compare.measure import Settings, run_experiment
 
-    width = arguments.image_width or DEFAULT_WIDTH
+    width = DEFAULT_WIDTH if arguments.image_width is None else arguments.image_width
     with progress_bar(quiet=arguments.quiet) as show:
         scene = warpmis.load_stage(arguments.stage, width=width, **stage_options(arguments))
         experiment = run_experiment(scene, variants, Settings(**settings), show)

@@ -49,7 +49,9 @@ class Settings:
     def __post_init__(self) -> None:
         if self.repeats < 2:
             raise ConfigError(f"repeats must be at least 2, so that a spread is known, got {self.repeats}")
-        if self.seconds <= 0.0:
+        if self.spp is not None and self.spp < 1:
+            raise ConfigError(f"samples per pixel (spp) must be at least 1, got {self.spp}")
+        if not self.seconds > 0.0:
             raise ConfigError(f"the time for the comparison must be positive, got {self.seconds:g} s")
         if self.reference_spp is not None and self.reference_spp < 2 * PARTS:
             raise ConfigError(f"reference spp must be at least {2 * PARTS}, got {self.reference_spp}")
