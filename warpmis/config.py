@@ -34,11 +34,13 @@ class LearnConfig:
             (scripts/bench/learning.py).
         spp: samples per pixel a round; None spends the method's share of the whole budget on learning.
         initial_allocation: share of each strategy before the first round, or None for equal shares.
+        keep_maps: keep every round's allocation (RenderResult.round_allocations), not the last one alone.
     """
 
     rounds: int | None = None
     spp: int | None = None
     initial_allocation: tuple[float, ...] | None = None
+    keep_maps: bool = False
 
     def __post_init__(self) -> None:
         if self.rounds is not None:
@@ -69,15 +71,17 @@ class RenderConfig:
         device: a Warp device, "cpu" or "cuda:0".
         threads: CPU threads; None takes what the process may use.
         strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
+        mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.
         learn: for the methods that learn.
     """
 
     width: int | None = None
     spp: int = 256
-    method: str = "murray20"
+    method: str = "auto"
     strategies: tuple[str, ...] = DEFAULT_STRATEGIES
     allocation: NDArray[np.float32] | tuple[float, ...] | None = None
     strategy_choice: str = "stratified"
+    mis_compensation: bool = False
     max_depth: int = 8
     seed: int = 0
     device: str = "cpu"
@@ -133,6 +137,7 @@ class RenderConfig:
             "strategies": list(self.strategies),
             "allocation": allocation,
             "strategy_choice": self.strategy_choice,
+            "mis_compensation": int(self.mis_compensation),
             "max_depth": self.max_depth,
             "seed": self.seed,
             "device": self.device,

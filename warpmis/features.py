@@ -54,8 +54,7 @@ class Features:
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
         """Every effect on: the universal kernel."""
-        on = {f.name: True for f in fields(cls) if f.type == "bool"}
-        return cls(**on, strategies=strategies)
+        return replace(cls(strategies=strategies), **{f.name: True for f in fields(cls) if f.type == "bool"})
 
     def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
         return replace(self, strategies=strategies, statistics=statistics)

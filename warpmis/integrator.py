@@ -19,7 +19,7 @@ from warpmis.device.upload import DeviceScene
 from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
-from warpmis.learn.certificate import excess_variance_bound
+from warpmis.learn.certificate import excess_variance_bound, relative_sum
 from warpmis.learn.learner import Learner
 from warpmis.learn.schedule import Round
 
@@ -153,11 +153,18 @@ class Integrator:
         """Share of the pixels that have left the mixture for next-event estimation."""
         return float((self.allocation.numpy().sum(axis=1) == 0.0).mean())
 
-    def excess_variance(self) -> NDArray[np.float64]:
-        """Bound on each pixel's variance in excess of the best allocation's, after the last round, shape (H, W)."""
-        moments, shares = self.learner.moments.numpy(), self.allocation.numpy()
+    def certificate(self, variance: NDArray[np.float32], image: NDArray[np.float32]) -> dict[str, float]:
+        """How much of the picture's relative variance other shares could have saved at most, from 0 to 1.
+
+        Empty where there was nothing to share, or no round after the last step to tell.
+        """
         samples = self.film.accepted.numpy()
-        return excess_variance_bound(moments, shares, samples).reshape(self.height, self.width)
+        if self.learner.layout.size == 0 or not samples.any():
+            return {}
+        excess = excess_variance_bound(self.learner.moments.numpy(), self.allocation.numpy(), samples)
+        return {
+            "excess_variance_bound": relative_sum(excess, image) / max(relative_sum(variance.ravel(), image), 1e-30)
+        }
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""

@@ -8,6 +8,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.film import download_film
 from warpmis.device.upload import upload
@@ -42,7 +45,7 @@ def render(
     Args:
         stage: path of a USD file, a Usd.Stage, or a Scene.
         config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
-            initial_allocation) one by one.
+            initial_allocation, keep_maps) one by one.
         camera, purposes, render_settings, time, complexity, variants, mask, session_layer: what to read of the stage,
             as in load_stage; a Scene has been read already.
         progress: called about every tenth of a second with how far the render has come.
@@ -77,7 +80,12 @@ def render(
 
 def config_from(settings: dict[str, Any]) -> RenderConfig:
     """A RenderConfig from the flat names that callers type."""
-    learn_names = {"learn_rounds": "rounds", "learn_spp": "spp", "initial_allocation": "initial_allocation"}
+    learn_names = {
+        "learn_rounds": "rounds",
+        "learn_spp": "spp",
+        "initial_allocation": "initial_allocation",
+        "keep_maps": "keep_maps",
+    }
     learn = {learn_names[name]: settings.pop(name) for name in list(settings) if name in learn_names}
     known = {field.name for field in dataclasses.fields(RenderConfig)}
     for name in settings:
@@ -107,23 +115,31 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     width, height = scene.resolution
     strategies = config.strategies if config.method != "nee" else ()
     features = (features or detect(scene)).with_strategies(strategies, config.how.statistics)
-    device_scene = upload(scene, config.device)
+    device_scene = upload(scene, config.device, config.mis_compensation)
     reporter.phase("compile")
     integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
     rounds = schedule(config)
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
+    maps = []
     for number, part in enumerate(rounds, start=1):
         reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
         integrator.trace(part, reporter.advance)
         if part.learn:
             integrator.solve()
+            if config.learn.keep_maps:
+                maps.append(integrator.allocation_map())
     reporter.phase("done")
-    return result_of(scene, config, features, integrator, reporter)
+    return result_of(scene, config, features, integrator, reporter, maps)
 
 
 def result_of(
-    scene: Scene, config: RenderConfig, features: Features, integrator: Integrator, reporter: Reporter
+    scene: Scene,
+    config: RenderConfig,
+    features: Features,
+    integrator: Integrator,
+    reporter: Reporter,
+    maps: list[NDArray[np.float32]],
 ) -> RenderResult:
     """Merge the films: every sample is in the image, the variance is the last allocation's."""
     width, height = scene.resolution
@@ -140,6 +156,7 @@ def result_of(
         "rays": rays,
         "rays_per_second": rays / traced if traced > 0.0 else 0.0,
         "next_event_pixels": integrator.next_event_share(),
+        **integrator.certificate(spread.variance(), film.image()),
         "triangles": len(scene.geometry.triangles),
         "lights": len(scene.lights),
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
@@ -155,6 +172,7 @@ def result_of(
         samples=film.count,
         variance=spread.variance(),
         allocation=integrator.allocation_map(),
+        round_allocations=tuple(maps),
         strategies=config.strategies,
         stats=stats,
         name=scene.name,

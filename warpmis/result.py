@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
+from warpmis.metrics import estimated_relative_error
 
 Float32Array = NDArray[np.float32]
 
@@ -30,6 +31,7 @@ class RenderResult:
         variance: variance of one sample's luminance estimate, shape (H, W) float32.
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.
+        round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.
         stats: counts and times: seconds {load, compile, learn, render}, samples, rays, rays_per_second, ...
         name: the stage's file name or identifier.
         settings: what was asked for, as plain values.
@@ -48,6 +50,7 @@ class RenderResult:
     strategies: tuple[str, ...]
     stats: dict[str, Any]
     name: str
+    round_allocations: tuple[Float32Array, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -58,6 +61,22 @@ class RenderResult:
 
         header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
         write_exr(path, self.channels(), header)
+
+    def relative_error(self) -> float:
+        """The relative error that the samples' own spread leads one to expect: 0.02 is 2 % (see metrics.py)."""
+        return estimated_relative_error(self.image, self.variance / np.maximum(self.samples, 1))
+
+    def __repr__(self) -> str:
+        height, width, _ = self.image.shape
+        settings = f"{self.settings.get('method', '?')}, {self.settings.get('spp', '?')} spp"
+        return f"RenderResult({self.name}, {width} x {height}, {settings})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the picture, the balance map, the expected error."""
+        from warpmis.output.notebook import notebook_html
+
+        caption = f"{self!r}: relative error about {100.0 * self.relative_error():.2g} %"
+        return notebook_html(caption, self.image, self.allocation, self.strategies)
 
     def channels(self) -> dict[str, Float32Array]:
         """Every picture under its EXR channel name, each of shape (H, W) float32."""

@@ -249,6 +249,6 @@ def test_errors_of_a_program_have_no_traceback(tmp_path: Path) -> None:
 
 def test_warp_keeps_quiet() -> None:
     """Standard output is for --json alone, and a machine without a GPU is no reason to warn."""
-    code = "from warpmis import cli; cli._start_warp(); import os; os.write(2, b'still there')"
+    code = "from warpmis.cli import console; console.start_warp(); import os; os.write(2, b'still there')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "still there")

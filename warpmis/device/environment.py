@@ -84,11 +84,17 @@ def resample(dome: DomeLight, rows: int, columns: int) -> NDArray[np.float64]:
     return dome.picture[row, column] * dome.radiance
 
 
-def distribution(environment: Environment) -> PictureDistribution:
+def distribution(environment: Environment, mis_compensation: bool = False) -> PictureDistribution:
     """Piecewise constant over texels, in proportion to solid angle times luminance.
+
+    With `mis_compensation` the luminance above the mean counts alone: where light is spread evenly the BSDF's sampler
+    does as well, and the density may be 0 there, since the weights make up for it.
 
     Rendering interpolates between texels, so each texel's weight is what the interpolation makes of it and its
     neighbours: no direction that shines has density 0.
+
+    Reference: Karlik, Sik, Vevoda, Skrivan, Krivanek (2019), "MIS Compensation: Optimizing Sampling Techniques in
+    Multiple Importance Sampling", equation 14.
     """
     assert environment.picture is not None
     y = (environment.picture.astype(np.float64) * environment.radiance) @ LUMINANCE
@@ -96,6 +102,8 @@ def distribution(environment: Environment) -> PictureDistribution:
     padded = np.pad(y, ((1, 1), (0, 0)), mode="edge")
     y = 0.75 * y + 0.125 * (padded[:-2] + padded[2:])
     rows, columns = y.shape
+    if mis_compensation:
+        y = np.maximum(y - environment.luminance, 0.0)
     weights = y * row_solid_angles(rows, columns)[:, None]
     if weights.sum() <= 0.0:
         weights = np.broadcast_to(row_solid_angles(rows, columns)[:, None], (rows, columns)).copy()

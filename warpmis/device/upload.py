@@ -46,7 +46,7 @@ def check_device(device: str) -> None:
         raise ConfigError(f"this machine has no device '{device}'; choose from {', '.join(known)}")
 
 
-def upload(scene: Scene, device: str) -> DeviceScene:
+def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceScene:
     """Copy a scene to a device and build its trees.
 
     Raises:
@@ -59,7 +59,7 @@ def upload(scene: Scene, device: str) -> DeviceScene:
         view = SceneView()
         mesh = upload_mesh(view, geometry)
         varying = upload_surfaces(view, scene, geometry, tables)
-        tree = upload_lights(view, geometry, tables)
+        tree = upload_lights(view, geometry, tables, mis_compensation)
     return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree, varying))
 
 
@@ -115,14 +115,14 @@ def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: L
     return upload_materials(view, material_tables(scene), geometry.primvars)
 
 
-def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> wp.Bvh | None:
+def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> wp.Bvh | None:
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
     view.finite_light_count = sum(light.kind not in (DISTANT, DOME) for light in tables.lights)
     view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
     if tables.delta_lights:
         view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)
     if tables.environment is not None:
-        view.dome = dome_view(tables)
+        view.dome = dome_view(tables, mis_compensation)
     if len(tables.emitter_triangles) == 0:
         return None
     view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
@@ -133,7 +133,7 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables) -> w
     return tree
 
 
-def dome_view(tables: LightTables) -> DomeView:
+def dome_view(tables: LightTables, mis_compensation: bool) -> DomeView:
     environment = tables.environment
     assert environment is not None
     view = DomeView()
@@ -141,7 +141,7 @@ def dome_view(tables: LightTables) -> DomeView:
     view.to_dome = wp.mat33(*environment.to_world.T.ravel())
     view.radiance = tuple(environment.radiance)
     if environment.picture is not None:
-        tables_of_picture = distribution(environment)
+        tables_of_picture = distribution(environment, mis_compensation)
         view.picture = wp.array(environment.picture, dtype=wp.vec3)
         view.marginal = wp.array(tables_of_picture.marginal, dtype=float)
         view.conditional = wp.array(tables_of_picture.conditional, dtype=float)

@@ -17,12 +17,13 @@ A method may ask for more (Method.statistics), Y being the luminance of F:
     cost        E[A q_s + B]: cost of a path, had strategy s alone drawn its direction. A is the cost before Russian
                 roulette sets in. From there on a path lives in proportion to its throughput f / p_a, so that all
                 allocations spend the same on this part, B
-    pair        E[X_l], E[X_l^2], E[X_b], E[X_b^2], E[C]: moments of the light sample and of the BSDF sample that next-event
-                estimation takes, by the balance heuristic with a sample each (Veach 1997, equation 9.8), and its cost
+    pair        E[X_l], E[X_l^2], E[X_b], E[X_b^2], E[C]: moments of the light sample and of the BSDF sample that
+                next-event estimation takes, by the balance heuristic with a sample each (Veach 1997, equation 9.8),
+                and its cost
 
-With `pair` the samples come two at a time, from next-event estimation: X_l = f_d / P at the light's direction, and at the
-BSDF's X_d = f_d / P from the lights and Y = f_i / p_1 from everything else, where P = p_1 + p_2 and f = f_d + f_i. The other
-statistics follow from them: with s = p_1 / P and p_c / P = c s + (1 - c)(1 - s) =: t at either direction,
+With `pair` the samples come two at a time, from next-event estimation: X_l = f_d / P at the light's direction, and at
+the BSDF's X_d = f_d / P from the lights and Y = f_i / p_1 from everything else, where P = p_1 + p_2 and f = f_d + f_i.
+The other statistics follow from them: with s = p_1 / P and p_c / P = c s + (1 - c)(1 - s) =: t at either direction,
 
     E[F'^2 p_c / p_a] = E[X_l^2 / t_l + (X_d^2 + 2 X_d Y + s_b Y^2) / t_b],
     E[Y' q'_1 p_c / p_a] = E[X_l s_l / t_l + (X_d + Y) s_b / t_b]

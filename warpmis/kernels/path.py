@@ -51,13 +51,19 @@ def make_path(features: Features) -> SimpleNamespace:
 
     @wp.struct
     class PathSample:
-        """One path. seen: light found before the mixture's vertex, and delta lights at it; mixed: the mixture's
-        estimate F = f / p_a, throughput up to its vertex included; direct: the part of it that came straight from the
-        lights; q: p_s / p_a of its direction, or 1 / a_s for the one that drew in vain; light, light_share: where
-        next-event estimation stands in for the mixture, the part of its light sample and p_bsdf / (p_bsdf + p_light)
-        of that sample's direction, q being the same of the BSDF's, and direct the weighted light it met; hit: 1 where a surface was met, of which albedo, normal
-        and distance tell; alpha: 1 also for a light in view; early_rays, early_shadow_rays: those of all rays that were
-        traced before Russian roulette could end the path."""
+        """One path.
+
+        seen: light found before the mixture's vertex, and delta lights at it; mixed: the mixture's estimate
+        F = f / p_a, throughput up to its vertex included; direct: the part of it that came straight from the lights;
+        q: p_s / p_a of its direction, or 1 / a_s for the one that drew in vain.
+
+        Where next-event estimation stands in for the mixture: light, light_share: the part of its light sample, and
+        p_bsdf / (p_bsdf + p_light) of that sample's direction; q is the same of the BSDF's direction, and direct the
+        weighted light that it met.
+
+        hit: 1 where a surface was met, of which albedo, normal and distance tell; alpha: 1 also for a light in view;
+        early_rays, early_shadow_rays: those of all rays that were traced before Russian roulette could end the path.
+        """
 
         seen: wp.vec3
         mixed: wp.vec3

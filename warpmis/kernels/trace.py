@@ -12,7 +12,7 @@ from warpmis.kernels.frame import luminance
 from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
 
-# What a round is learned from. A round from which nothing is learned has moments too: they tell how good its shares are.
+# What a round is learned from. One from which nothing is learned has moments too: they tell how good its shares are.
 LEARN_NOTHING = wp.constant(0)
 LEARN_ALL = wp.constant(1)
 LEARN_DIRECT = wp.constant(2)

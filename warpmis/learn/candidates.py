@@ -9,10 +9,10 @@ allocations. With the choices of strategy stratified, the variance between the s
 
     V(a') = M2(a') - sum_s a'_s mu_s^2,    mu_s = E[F' q_s p_a / p_a']
 
-The best is the least V, or V + weight x cost if the samples are pairs of next-event estimation (kernels/moments.py). That
-is then among the candidates: its two samples are independent, so their variances add up. Its cost is known, and from it a
-mixture's: without the shadow ray, and with paths that cost LIGHT_COST as much where the lights draw the direction, since
-more of these end at once. A pixel that goes on by next-event estimation has shares of 0.
+The best is the least V, or V + weight x cost if the samples are pairs of next-event estimation (kernels/moments.py).
+That is then among the candidates: its two samples are independent, so their variances add up. Its cost is known, and
+from it a mixture's: without the shadow ray, and with paths that cost LIGHT_COST as much where the lights draw the
+direction, since more of these end at once. A pixel that goes on by next-event estimation has shares of 0.
 
 Reference: Veach (1997), section 9.2, the multi-sample and the one-sample model; Sbert, Havran, Szirmay-Kalos (2018),
 "Multiple Importance Sampling Revisited: Breaking the Bounds", for the deterministic mixture's variance.

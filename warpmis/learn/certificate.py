@@ -1,7 +1,7 @@
 """How far from the best the allocation can be: a bound on what any other shares of the same strategies could save.
 
-M2 is convex in the allocation, so its tangent at a bounds it from below:  V(a) - V* <= max_s m_s - M2,  with equality to 0
-exactly at the optimum, where m_s = M2 for every strategy in use.
+M2 is convex in the allocation, so its tangent at a bounds it from below:  V(a) - V* <= max_s m_s - M2,  which is 0 just
+at the optimum, where m_s = M2 for every strategy in use.
 
 Reference: Boyd and Vandenberghe (2004), "Convex Optimization", section 3.1.3; moments as in kernels/moments.py.
 """
@@ -10,6 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+# Share of the picture's mean brightness below which a pixel counts as that bright.
+DARK = 0.1
 
 
 def excess_variance_bound(
@@ -26,3 +31,17 @@ def excess_variance_bound(
     first = moments[:, :count] / np.maximum(samples, 1)[:, None]
     second_moment = np.einsum("ps,ps->p", first, allocation)
     return np.maximum(first.max(axis=1) - second_moment, 0.0)
+
+
+def relative_sum(variance: NDArray[np.floating], image: NDArray[np.float32]) -> float:
+    """Sum over the pixels of variance over squared brightness; what is far darker than the picture counts less.
+
+    Args:
+        variance: of the luminance, shape (pixels,).
+        image: linear Rec.709, shape (H, W, 3).
+    """
+    luminance = image.reshape(-1, 3) @ LUMINANCE
+    floor = DARK * float(luminance.mean())
+    weight = np.maximum(luminance, floor) ** 2
+    known = weight > 0.0
+    return float((variance[known] / weight[known]).sum())

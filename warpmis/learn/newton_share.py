@@ -2,8 +2,8 @@
 
     V' = -E[F^2 r],   V'' = 2 E[F^2 r^2],   r = q_1 - q_2,   alpha <- clamp(alpha - V' / V'', low, high)
 
-The factor 2 matters: without it the iteration oscillates about the optimum for ever. One step from alpha = 1/2 clamped to
-[0.25, 0.75] is Lu et al.'s closed form; steps until convergence, clamped to [0.1, 0.9], are Sbert et al.'s.
+The factor 2 matters: without it the iteration oscillates about the optimum for ever. One step from alpha = 1/2 clamped
+to [0.25, 0.75] is Lu et al.'s closed form; steps until convergence, clamped to [0.1, 0.9], are Sbert et al.'s.
 
 Reference: Lu, Pacanowski, Granier (2013); Sbert, Havran, Szirmay-Kalos (2019); Murray et al. (2020), equation 5.
 """

@@ -4,12 +4,12 @@ The samples taken with an allocation b model the second moment at another one, a
 
     M2(a) ~ 3 M2 - 3 m.a + a'h a        (since sum_t h_st b_t = m_s and sum_s m_s b_s = M2)
 
-b itself has dropped out: the models of several rounds add up as their moments do, each weighted by its samples. At a = b
-the descent direction is m, which makes this Newton's step. Where a cost c_s per strategy is known, V(a) c.a is minimised
-instead of V(a): to first order, V c.a / (c.a at the present allocation) is added.
+b itself has dropped out: the models of several rounds add up as their moments do, each weighted by its samples. At
+a = b the descent direction is m, which makes this Newton's step. Where a cost c_s per strategy is known, V(a) c.a is
+minimised instead of V(a): to first order, V c.a / (c.a at the present allocation) is added.
 
 The minimum under the bounds is found by moving share from the strategy that gains least from it to the one that gains
-most, by the exact minimum along that line, until no such pair is left: an active-set method whose working set is one pair.
+most, by the exact minimum along that line, until no such pair is left: an active-set method with a working set of two.
 
 Reference: Murray et al. (2020), equation 10; Keerthi et al. (2001), "Improvements to Platt's SMO Algorithm for SVM
 Classifier Design", for the maximal violating pair.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -30,3 +32,11 @@ def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8]) 
         done = output.open(temporary, spec) and output.write_image(np.ascontiguousarray(picture))
         if not (output.close() and done):
             raise OSError(output.geterror())
+
+
+def png_bytes(picture: NDArray[np.uint8]) -> bytes:
+    """A PNG file's content, of sRGB values, shape (H, W, 3) uint8, for a page that holds its own pictures."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture.png"
+        write_display_png(path, picture)
+        return path.read_bytes()

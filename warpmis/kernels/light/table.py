@@ -34,9 +34,9 @@ SHADOW_END = wp.constant(0.9999)
 class Receiver:
     """The point that asks for light, with a light chosen for it and what normalises that choice.
 
-    total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0 where
-    none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice: its
-    importance counts as 1.
+    total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0
+    where none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice:
+    its importance counts as 1.
     """
 
     x: wp.vec3

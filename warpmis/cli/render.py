@@ -1,80 +1,52 @@
-"""The command line: arguments to settings, settings to a render, and what is said about it.
-
-The only module that prints or exits. Standard output carries results alone (--json); everything else goes to
-standard error. What takes long to import is imported once it is needed, so that --help answers at once.
-"""
+"""`warpmis render`: arguments to settings, settings to a render, and what is said about it."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
-import sys
-import tempfile
 import time
-import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES, LearnConfig, RenderConfig
-from warpmis.errors import ConfigError, WarpmisError
+from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
+from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
+from warpmis.errors import ConfigError
 from warpmis.methods import METHODS
 
 if TYPE_CHECKING:
-    from warpmis.progress import Progress
     from warpmis.result import RenderResult
-
-EXIT_DONE = 0
-EXIT_ERROR = 1
-EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit status; never raises but argparse's SystemExit."""
-    arguments = _parser().parse_args(argv)
-    try:
-        _render(arguments)
-    except ConfigError as error:
-        return _fail(str(error), EXIT_USAGE)
-    except WarpmisError as error:
-        return _fail(str(error), EXIT_ERROR)
-    except KeyboardInterrupt:
-        return _fail("interrupted", EXIT_INTERRUPTED)
-    except Exception as error:
-        if os.environ.get("WARPMIS_TRACEBACK") == "1":
-            traceback.print_exc()
-        hint = "run with WARPMIS_TRACEBACK=1 for the traceback"
-        return _fail(f"internal error: {type(error).__name__}: {error} ({hint})", EXIT_ERROR)
-    return EXIT_DONE
-
-
 # ---- arguments --------------------------------------------------------------------------------------------------
 
 
-def _parser() -> argparse.ArgumentParser:
-    # No abbreviations: a script must not break when an option is added.
-    parser = argparse.ArgumentParser(prog="warpmis", description="Render OpenUSD stages.", allow_abbrev=False)
-    parser.add_argument("--version", action="version", version=f"warpmis {warpmis.__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    render = commands.add_parser("render", help="render one image", description="Render one image.", allow_abbrev=False)
-    render.add_argument("stage", metavar="STAGE", help="a USD file")
-    render.add_argument("out", metavar="OUT.exr", nargs="?", help="default: the stage's name + .exr in this folder")
-    _add_stage_options(render)
-    _add_render_options(render)
-    _add_learn_options(render)
-    _add_output_options(render)
-    return parser
+def add_parser(commands: Any) -> None:
+    """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
+    methods = "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
+    parser = commands.add_parser(
+        "render",
+        help="render one image",
+        description="Render one image.",
+        epilog=f"methods:\n{methods}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("stage", metavar="STAGE", help="a USD file")
+    parser.add_argument("out", metavar="OUT.exr", nargs="?", help="default: the stage's name + .exr in this folder")
+    add_stage_options(parser)
+    _add_render_options(parser)
+    _add_learn_options(parser)
+    _add_output_options(parser)
+    parser.set_defaults(run=run)
 
 
-def _add_stage_options(parser: argparse.ArgumentParser) -> None:
+def add_stage_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to render (as in usdrecord)")
     group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim: its path, or its name if that is unique")
     group.add_argument(
@@ -100,12 +72,18 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to render")
     default = RenderConfig()
     group.add_argument("--spp", type=int, metavar="N", help=f"samples per pixel, learning included ({default.spp})")
-    group.add_argument("--method", metavar="NAME", help=f"of {', '.join(METHODS)} ({default.method})")
+    group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
     group.add_argument(
         "--strategies", type=_names, metavar="A,B", help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})"
     )
     group.add_argument(
         "--allocation", type=_shares, metavar="A,B", help="for --method fixed: each strategy's share, such as 0.5,0.5"
+    )
+    group.add_argument(
+        "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
+    )
+    group.add_argument(
+        "--mis-compensation", action="store_true", default=None, help="sample a dome by what it has above its mean"
     )
     group.add_argument(
         "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
@@ -116,9 +94,9 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_learn_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("how to learn the allocation (--method murray20)")
+    group = parser.add_argument_group("how to learn the allocation")
     group.add_argument("--learn-rounds", type=int, metavar="N", help="rounds, one step each (from --spp)")
-    group.add_argument("--learn-spp", type=int, metavar="N", help="samples per pixel a round (half of --spp in all)")
+    group.add_argument("--learn-spp", type=int, metavar="N", help="samples per pixel a round (from --spp)")
     group.add_argument("--initial-allocation", type=_shares, metavar="A,B", help="shares at the start (equal)")
 
 
@@ -126,6 +104,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to write")
     group.add_argument("--png", metavar="FILE.png", help="also write the image as a PNG, to look at")
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
+    group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
 
@@ -149,27 +128,30 @@ def _shares(text: str) -> tuple[float, ...]:
         raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers such as 0.5,0.5") from None
 
 
-def _given(**options: Any) -> dict[str, Any]:
+def given(**options: Any) -> dict[str, Any]:
     """The options that were given: what was not is left to the stage and the defaults."""
     return {name: value for name, value in options.items() if value is not None}
 
 
 def _config(arguments: argparse.Namespace) -> RenderConfig:
     learn = LearnConfig(
-        **_given(
+        **given(
             rounds=arguments.learn_rounds,
             spp=arguments.learn_spp,
             initial_allocation=arguments.initial_allocation,
+            keep_maps=True if arguments.round_maps else None,
         )
     )
     return RenderConfig(
         learn=learn,
-        **_given(
+        **given(
             width=arguments.image_width,
             spp=arguments.spp,
             method=arguments.method,
             strategies=arguments.strategies,
             allocation=arguments.allocation,
+            strategy_choice=arguments.strategy_choice,
+            mis_compensation=arguments.mis_compensation,
             max_depth=arguments.max_depth,
             seed=arguments.seed,
             device=arguments.device,
@@ -178,12 +160,25 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
     )
 
 
+def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What `add_stage_options` asked for, but the width, as `warpmis.render` and `load_stage` name it."""
+    return given(
+        camera=arguments.camera,
+        purposes=arguments.purposes,
+        render_settings=arguments.render_settings_prim_path,
+        complexity=arguments.complexity,
+        variants=arguments.variant,
+        mask=arguments.mask,
+        session_layer=arguments.session_layer,
+    )
+
+
 def _targets(arguments: argparse.Namespace) -> dict[str, str]:
     """The files to write, by what they are, every one of which can be written."""
     from warpmis.output.atomic import check_target
 
     out = arguments.out or f"{Path(arguments.stage).stem}.exr"
-    targets = _given(output=out, png=arguments.png, balance_map=arguments.balance_map)
+    targets = given(output=out, png=arguments.png, balance_map=arguments.balance_map)
     for kind, path in targets.items():
         suffix = ".exr" if kind == "output" else ".png"
         if Path(path).suffix.lower() != suffix:
@@ -193,32 +188,27 @@ def _targets(arguments: argparse.Namespace) -> dict[str, str]:
         raise ConfigError("--png and --balance-map name the same file; name two")
     for path in targets.values():
         check_target(path)
+    if arguments.round_maps:
+        check_target(f"{arguments.round_maps}/round.png")
     return targets
 
 
 # ---- the command ------------------------------------------------------------------------------------------------
 
 
-def _render(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
     targets = _targets(arguments)
-    stage_options = _given(
-        camera=arguments.camera,
-        purposes=arguments.purposes,
-        render_settings=arguments.render_settings_prim_path,
-        complexity=arguments.complexity,
-        variants=arguments.variant,
-        mask=arguments.mask,
-        session_layer=arguments.session_layer,
-    )
-    _start_warp()
+    start_warp()
     start = time.perf_counter()
-    with _progress_bar(quiet=arguments.quiet) as show:
-        result = warpmis.render(arguments.stage, config=config, progress=show, **stage_options)
+    with progress_bar(quiet=arguments.quiet) as show:
+        result = warpmis.render(arguments.stage, config=config, progress=show, **stage_options(arguments))
     _write(result, targets)
+    if arguments.round_maps:
+        _write_round_maps(result, arguments.round_maps)
     if not arguments.quiet:
         _say_messages(result)
-        _say(_summary(result, config, targets["output"], time.perf_counter() - start))
+        say(_summary(result, config, targets["output"], time.perf_counter() - start))
     if arguments.json:
         report = {
             **targets,
@@ -230,30 +220,7 @@ def _render(arguments: argparse.Namespace) -> None:
             "warnings": _distinct(result.warnings),
             "notes": _distinct(result.notes),
         }
-        print(json.dumps(_plain(report), allow_nan=False))
-
-
-def _start_warp() -> None:
-    """Initialise Warp without its chatter.
-
-    It tells of its devices and of every kernel it loads on standard output, which is for --json alone, and its native
-    half warns of a missing CUDA driver, which most machines have no use for, on the process's standard error.
-    """
-    import warp as wp
-
-    wp.config.log_level = wp.LOG_ERROR
-    stderr = os.dup(2)
-    with tempfile.TemporaryFile() as heard:
-        os.dup2(heard.fileno(), 2)
-        try:
-            wp.init()
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        heard.seek(0)
-        for line in heard.read().decode(errors="replace").splitlines():
-            if "Could not find or load the NVIDIA CUDA driver" not in line:
-                _say(line)
+        print(json.dumps(plain(report), allow_nan=False))
 
 
 def _write(result: RenderResult, targets: Mapping[str, str]) -> None:
@@ -268,29 +235,16 @@ def _write(result: RenderResult, targets: Mapping[str, str]) -> None:
         write_display_png(targets["balance_map"], with_legend(picture, result.strategies))
 
 
-def _plain(value: Any) -> Any:
-    """`value` as JSON can say it: NumPy numbers as Python's, infinite ones and NaN, which JSON lacks, as null."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if hasattr(value, "tolist"):  # NumPy arrays and scalars
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+def _write_round_maps(result: RenderResult, folder: str) -> None:
+    """One picture a round, numbered from 1, for a film of the convergence."""
+    from warpmis.output.balance_map import balance_map
+    from warpmis.output.png import write_display_png
+
+    for number, allocation in enumerate(result.round_allocations, start=1):
+        write_display_png(f"{folder}/round_{number:04}.png", balance_map(allocation, result.strategies))
 
 
 # ---- what is said -----------------------------------------------------------------------------------------------
-
-
-def _say(line: str) -> None:
-    print(f"warpmis: {' '.join(line.split())}", file=sys.stderr)  # one line, whatever a library put in its message
-
-
-def _fail(message: str, status: int) -> int:
-    _say(f"error: {message}")
-    return status
 
 
 def _distinct(lines: Sequence[str]) -> list[str]:
@@ -299,50 +253,14 @@ def _distinct(lines: Sequence[str]) -> list[str]:
 
 def _say_messages(result: RenderResult) -> None:
     for line in _distinct(result.warnings):
-        _say(f"warning: {line}")
+        say(f"warning: {line}")
     for line in _distinct(result.notes):
-        _say(f"note: {line}")
+        say(f"note: {line}")
 
 
 def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: float) -> str:
     height, width, _ = result.image.shape
     phases = result.stats["seconds"]
     tracing = phases.get("learn", 0.0) + phases.get("render", 0.0)
-    speed = _speed(result.stats["samples"], tracing)
+    speed = speed_text(result.stats["samples"], tracing)
     return f"{out}: {width} x {height}, {config.spp} spp, {seconds:.1f} s, {speed}"
-
-
-def _speed(samples: int, seconds: float) -> str:
-    return f"{samples / max(seconds, 1e-9) / 1e6:.2f} Msamples/s"
-
-
-@contextmanager
-def _progress_bar(*, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on a terminal; None, so that nothing is shown, anywhere else."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.fields[speed]}"),
-        TimeRemainingColumn(),
-    )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("load", total=None, speed="")
-
-        def show(progress: Progress) -> None:
-            bar.update(
-                task,
-                description=f"{progress.phase} {progress.detail}".strip(),
-                completed=progress.done,
-                total=progress.total or None,  # unknown: the bar swings
-                speed=_speed(progress.samples, progress.seconds) if progress.samples else "",
-            )
-
-        yield show

@@ -1,0 +1,217 @@
+"""The experiment with a renderer of known noise and speed: what it measures is what was put in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from compare.fakes import HEIGHT, SCENE, TRUTH, WIDTH, FakeRender
+
+import warpmis
+from warpmis.compare.measure import Settings, run_experiment
+from warpmis.compare.plan import affordable_spp, ladder
+from warpmis.compare.reference import read_reference
+from warpmis.compare.summary import summarize
+from warpmis.compare.variants import Variant, chosen_variants, default_variants, swept, variant
+from warpmis.compare.write import write_comparison
+from warpmis.errors import ConfigError, WarpmisError
+from warpmis.output.exr import write_exr
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeRender:
+    render = FakeRender()
+    monkeypatch.setitem(vars(warpmis), "render", render)  # setattr would import the renderer to remember it
+    return render
+
+
+def compared(*variants: Variant, **settings: Any) -> dict[str, Any]:
+    """The summary's methods by label, under "methods", and the rest of it."""
+    summary = summarize(run_experiment(SCENE, variants, Settings(**{"spp": 64, **settings})), "fake.usda")
+    json.dumps(summary, allow_nan=False)
+    return {**summary, "methods": {method["label"]: method for method in summary["methods"]}}
+
+
+BALANCE, NEE = Variant("balance", {"method": "balance"}), Variant("nee", {"method": "nee"})
+
+
+def test_error_falls_as_it_was_made_to(fake: FakeRender) -> None:
+    summary = compared(BALANCE)
+    method = summary["methods"]["balance"]
+    # A picture from 1 to 2: L^2 / (L^2 + (0.1 * 1.5)^2) is 0.988 on average, and the tail of 0.1 % is worth 0.7 %.
+    for point in method["runs"]:
+        assert point["relative_error"]["median"] == pytest.approx(0.985 / np.sqrt(point["spp"]), rel=0.04)
+        assert point["seconds"]["median"] == pytest.approx(0.1 * point["spp"]), "compilation is left out"
+    assert [point["spp"] for point in method["runs"]] == [4, 16, 64]
+    assert method["slope"] == pytest.approx(-0.5, abs=0.02)
+    assert method["compile_seconds"] == 7.0
+    assert summary["reference"]["relative_error"] == pytest.approx(0.985 / np.sqrt(16 * 64), rel=0.04)
+
+
+def test_times_to_an_error(fake: FakeRender) -> None:
+    """Noise 1 and 0.1 s a sample: 2 % after (1 / 0.02)^2 samples, 250 s."""
+    arrivals = {a["relative_error"]: a for a in compared(BALANCE)["methods"]["balance"]["time_to"]}
+    assert arrivals[0.02]["kind"] == "predicted"
+    assert arrivals[0.02]["seconds"]["median"] == pytest.approx(0.97 * 250.0, rel=0.06)
+    assert arrivals[0.1]["seconds"]["low"] <= arrivals[0.1]["seconds"]["median"] <= arrivals[0.1]["seconds"]["high"]
+
+
+def test_efficiency_is_that_of_noise_and_time(fake: FakeRender) -> None:
+    fake.noise["nee"], fake.cost["nee"] = 0.5, 0.2
+    method = compared(BALANCE, NEE)["methods"]["nee"]
+    assert method["efficiency"]["median"] == pytest.approx(1.0 / (0.5**2 * 2.0), rel=0.06)
+    assert method["equal_time"]["spp"] == 32
+    assert method["equal_time"]["seconds"]["median"] == pytest.approx(6.4)
+    assert method["learning"] == {"share_of_time": 0.0, "per_sample": pytest.approx(2.0)}
+
+
+def test_learning_is_told(fake: FakeRender) -> None:
+    fake.cost["murray20"] = 0.11
+    method = compared(BALANCE, variant("murray20"))["methods"]["murray20"]
+    assert method["learning"] == {"share_of_time": pytest.approx(0.5), "per_sample": pytest.approx(1.1)}
+    assert method["time_to"][2]["learn_seconds"] == pytest.approx(
+        0.5 * method["time_to"][2]["seconds"]["median"], rel=0.1
+    )
+
+
+def test_a_method_against_itself(fake: FakeRender) -> None:
+    """Nine turns: that all of them lie on one side of 1 has a chance of 0.4 %, and the seeds are fixed."""
+    fake.jitter = 0.2
+    again = Variant("again", {"method": "balance"})
+    efficiency = compared(BALANCE, again, repeats=9)["methods"]["again"]["efficiency"]
+    assert efficiency["low"] < 1.0 < efficiency["high"]
+    assert efficiency["median"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_bias_is_told_from_noise(fake: FakeRender) -> None:
+    """A fifth of the noise of a pixel of the longest run (12.5 %), but the same everywhere."""
+    fake.bias = {2: -0.025}
+    methods = compared(BALANCE, *swept("max-depth", [2, 8]))["methods"]
+    bias = methods["murray20, max-depth 2"]["bias"]["relative_error"]
+    assert bias == pytest.approx(0.025, rel=0.15)
+    assert [a["kind"] for a in methods["murray20, max-depth 2"]["time_to"]][-3:] == ["never"] * 3
+    unbiased = methods["murray20, max-depth 8"]
+    assert unbiased["bias"]["relative_error"] == 0.0
+    assert 0.0 < unbiased["bias"]["limit"] < 0.025
+    assert unbiased["time_to"][-1]["kind"] == "predicted"
+
+
+def test_the_reference_is_as_deep_as_the_deepest(fake: FakeRender) -> None:
+    fake.bias = {8: -0.5}
+    summary = compared(BALANCE, *swept("max-depth", [12]), common={"max_depth": 8})
+    assert summary["methods"]["balance"]["bias"]["relative_error"] == pytest.approx(0.5, rel=0.05)
+    assert "up to 12 bounces" in summary["reference"]["source"]
+
+
+def test_every_run_has_a_seed_of_its_own(fake: FakeRender) -> None:
+    methods = compared(BALANCE, NEE)["methods"].values()
+    seeds = [seed for method in methods for point in [*method["runs"], method["equal_time"]] for seed in point["seeds"]]
+    assert len(set(seeds)) == len(seeds) == 2 * 3 * 4
+
+
+def test_what_needs_more_samples_is_left_out_and_named(fake: FakeRender) -> None:
+    summary = compared(BALANCE, *swept("learn-spp", [16, 512]))
+    assert set(summary["methods"]) == {"balance", "murray20, learn-spp 16"}
+    assert any("learn-spp 512 needs more than 64 samples" in line for line in summary["warnings"])
+
+
+def test_a_machine_that_slows_down_gets_shorter_runs(fake: FakeRender) -> None:
+    """2 (85/64 + 1) + 16 samples at 0.1 s for each of the longest run; then 2 (85/64 + 1) at 1.6 s: 17.9."""
+    settings = {"spp": None, "repeats": 2, "seconds": 2.07 * 64 + 1.0}
+    assert compared(BALANCE, **settings)["spp"] == 64
+    fake.slow_after = fake.calls + 2  # the two renders that calibrate
+    slow = compared(BALANCE, **settings)
+    assert slow["spp"] == 16
+    assert "1024 samples" in slow["reference"]["source"]
+
+
+# ---- the reference --------------------------------------------------------------------------------------------------
+
+
+def exr(path: Path, image: np.ndarray, **more: np.ndarray) -> str:
+    write_exr(path, {**{name: image[..., axis] for axis, name in enumerate("RGB")}, **more}, {})
+    return str(path)
+
+
+def test_a_given_reference(fake: FakeRender, tmp_path: Path) -> None:
+    summary = compared(BALANCE, reference=exr(tmp_path / "a.exr", TRUTH))
+    assert summary["reference"] == {"source": str(tmp_path / "a.exr"), "relative_error": None, "seconds": 0.0}
+    assert any("says nothing of its own noise" in line for line in summary["warnings"])
+    assert summary["methods"]["balance"]["bias"]["limit"] is None
+
+
+def test_noise_of_one_of_our_renders(tmp_path: Path) -> None:
+    flat = np.ones((HEIGHT, WIDTH))
+    path = exr(tmp_path / "a.exr", np.ones((HEIGHT, WIDTH, 3)), **{"variance.Y": 4.0 * flat, "samples.Y": 100.0 * flat})
+    reference = read_reference(path, (WIDTH, HEIGHT))
+    assert reference.relative_error() == pytest.approx(np.sqrt(0.04 / 1.01))
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (np.ones((3, 4, 3)), "is 4 x 3, the stage's picture 48 x 32; set --image-width 4"),
+        (np.zeros((HEIGHT, WIDTH, 3)), "is black"),
+        (np.full((HEIGHT, WIDTH, 3), np.nan), "not finite"),
+    ],
+)
+def test_useless_references(tmp_path: Path, image: np.ndarray, message: str) -> None:
+    with pytest.raises(WarpmisError, match=message):
+        read_reference(exr(tmp_path / "a.exr", image), (WIDTH, HEIGHT))
+
+
+# ---- what is written ------------------------------------------------------------------------------------------------
+
+
+def test_folder(fake: FakeRender, tmp_path: Path) -> None:
+    experiment = run_experiment(SCENE, [BALANCE, NEE, variant("murray20")], Settings(spp=16))
+    summary = write_comparison(experiment, "fake.usda", tmp_path)
+    assert json.loads((tmp_path / "report.json").read_text()) == summary
+    for method in summary["methods"]:
+        assert all((tmp_path / name).is_file() for name in method["files"].values())
+    assert set(summary["methods"][2]["files"]) == {
+        "equal_time", "equal_samples", "equal_time_png", "equal_samples_png", "efficiency", "allocation",
+    }  # fmt: skip
+    again = read_reference(str(tmp_path / "reference.exr"), (WIDTH, HEIGHT))
+    assert again.relative_error() == pytest.approx(summary["reference"]["relative_error"], rel=1e-3)
+
+
+# ---- plan and variants ----------------------------------------------------------------------------------------------
+
+
+def test_plan_by_hand() -> None:
+    assert ladder(64) == [4, 16, 64] and ladder(128) == [2, 8, 32, 128] and ladder(1) == [1]
+    # Two methods at 1 s, two repeats: 2 (2 * 85/64 + 2) + 16 = 25.3 s for one sample per pixel of the longest run.
+    assert affordable_spp(25.4 * 24, [1.0, 1.0], 2, reference=True) == 24
+    assert affordable_spp(25.2 * 24, [1.0, 1.0], 2, reference=True) == 16
+    assert affordable_spp(9.4 * 48, [1.0, 1.0], 2, reference=False) == 48
+    assert affordable_spp(1e-9, [1.0], 3, reference=True) == 4
+
+
+def test_labels() -> None:
+    assert variant("murray20 light,bsdf").render == {"method": "murray20", "strategies": ("light", "bsdf")}
+    assert [one.label for one in chosen_variants(["nee", "balance"])] == ["balance", "nee"]
+    assert [one.label for one in default_variants()][:2] == ["balance", "nee"]
+    with pytest.raises(ConfigError, match="unknown method 'magic'"):
+        chosen_variants(["magic"])
+    with pytest.raises(ConfigError, match="must differ"):
+        chosen_variants(["nee", "nee"])
+
+
+def test_rounds_of_a_swept_length_fit_the_budget() -> None:
+    (one,) = swept("learn-spp", [64])
+    assert [one.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 2, 6]
+    assert one.least_spp({}) == 64
+    with pytest.raises(ConfigError, match="cannot sweep 'spp'"):
+        swept("spp", [1])
+    with pytest.raises(ConfigError, match="max depth must be at least 0"):
+        swept("max-depth", [-1])
+
+
+@pytest.mark.parametrize("settings", [{"repeats": 1}, {"seconds": 0.0}, {"spp": 0}, {"reference_spp": 1}])
+def test_settings_are_checked(settings: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        Settings(**settings)

@@ -1,0 +1,51 @@
+"""The command line: one module a command, and what they share in how they speak (`console.py`).
+
+The only layer that prints or exits. Standard output carries results alone; everything else goes to standard error.
+What takes long to import is imported once it is needed, so that --help answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import traceback
+from collections.abc import Sequence
+
+import warpmis
+from warpmis.cli import compare, render
+from warpmis.cli.console import fail
+from warpmis.errors import ConfigError, WarpmisError
+
+EXIT_DONE = 0
+EXIT_ERROR = 1
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit status; never raises but argparse's SystemExit."""
+    arguments = _parser().parse_args(argv)
+    try:
+        arguments.run(arguments)
+    except ConfigError as error:
+        return fail(str(error), EXIT_USAGE)
+    except WarpmisError as error:
+        return fail(str(error), EXIT_ERROR)
+    except KeyboardInterrupt:
+        return fail("interrupted", EXIT_INTERRUPTED)
+    except Exception as error:
+        if os.environ.get("WARPMIS_TRACEBACK") == "1":
+            traceback.print_exc()
+        hint = "run with WARPMIS_TRACEBACK=1 for the traceback"
+        return fail(f"internal error: {type(error).__name__}: {error} ({hint})", EXIT_ERROR)
+    return EXIT_DONE
+
+
+def _parser() -> argparse.ArgumentParser:
+    # No abbreviations: a script must not break when an option is added.
+    parser = argparse.ArgumentParser(prog="warpmis", description="Render OpenUSD stages.", allow_abbrev=False)
+    parser.add_argument("--version", action="version", version=f"warpmis {warpmis.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    render.add_parser(commands)
+    compare.add_parser(commands)
+    return parser

@@ -1,0 +1,153 @@
+"""`warpmis compare`: which methods, how long, and the short table of what came out."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import warpmis
+from warpmis.cli.console import progress_bar, say, start_warp
+from warpmis.cli.render import add_stage_options, given, stage_options
+from warpmis.compare.variants import KNOBS, Variant, chosen_variants, default_variants, swept
+from warpmis.config import RenderConfig
+from warpmis.errors import ConfigError
+
+# Wide enough to look at, small enough to be through within minutes.
+DEFAULT_WIDTH = 256
+DEFAULT_SECONDS = 200.0
+DEFAULT_REPEATS = 3
+
+DESCRIPTION = """Render a stage by several methods, and report what accuracy costs in time: DIR/report.html, with
+report.json and all pictures beside it."""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
+    parser = commands.add_parser(
+        "compare", help="what accuracy costs in time, by method", description=DESCRIPTION, allow_abbrev=False
+    )
+    parser.add_argument("stage", metavar="STAGE", help="a USD file")
+    parser.add_argument("-o", "--out", metavar="DIR", required=True, help="the folder to write, made if need be")
+    add_stage_options(parser)
+    _add_comparison_options(parser)
+    _add_common_options(parser)
+    group = parser.add_argument_group("what to say")
+    group.add_argument("--json", action="store_true", help="print report.json instead of the table")
+    group.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.set_defaults(run=run)
+
+
+def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what to compare")
+    group.add_argument(
+        "--method", action="append", metavar="NAME", dest="methods",
+        help='a method, or one with its strategies such as "murray20 bsdf,light"; may be repeated; balance is always '
+        f"among them ({'; '.join(one.label for one in default_variants())})",
+    )  # fmt: skip
+    group.add_argument(
+        "--sweep", action="append", type=_sweep, metavar="NAME=A,B", default=[],
+        help=f"also the default method with each value of one setting, of {', '.join(KNOBS)}; may be repeated",
+    )  # fmt: skip
+    group.add_argument("--reference", metavar="FILE.exr", help="what is right (rendered by balance)")
+    group.add_argument("--reference-spp", type=int, metavar="N", help="samples per pixel of one rendered (16 x --spp)")
+    group.add_argument(
+        "--spp", type=int, metavar="N", help="samples per pixel of the longest runs (as --time-limit affords)"
+    )
+    group.add_argument(
+        "--time-limit", type=float, metavar="SECONDS", help=f"about how long all of it may take ({DEFAULT_SECONDS:g})"
+    )
+    group.add_argument("--repeats", type=int, metavar="N", help=f"runs of each kind ({DEFAULT_REPEATS})")
+
+
+def _add_common_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("how all of them render")
+    default = RenderConfig()
+    group.add_argument("--max-depth", type=int, metavar="N", help=f"bounces after the camera ray ({default.max_depth})")
+    group.add_argument("--seed", type=int, metavar="N", help=f"all seeds follow from it ({default.seed})")
+    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
+    group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
+
+
+def _sweep(text: str) -> list[Variant]:
+    knob, _, values = text.partition("=")
+    try:
+        return swept(knob.strip(), [int(value) for value in values.split(",")])
+    except ConfigError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=A,B such as max-depth=2,4,8") from None
+
+
+def run(arguments: argparse.Namespace) -> None:
+    variants = chosen_variants(arguments.methods) if arguments.methods else default_variants()
+    variants += [variant for sweep in arguments.sweep for variant in sweep]
+    settings = _settings(arguments)
+    from warpmis.compare.write import REPORT, make_folder, write_comparison
+
+    folder = make_folder(arguments.out)
+    start_warp()
+    from warpmis.compare.measure import Settings, run_experiment
+
+    width = DEFAULT_WIDTH if arguments.image_width is None else arguments.image_width
+    with progress_bar(quiet=arguments.quiet) as show:
+        scene = warpmis.load_stage(arguments.stage, width=width, **stage_options(arguments))
+        experiment = run_experiment(scene, variants, Settings(**settings), show)
+    summary = write_comparison(experiment, arguments.stage, folder)
+    if not arguments.quiet:
+        for kind in ("warnings", "notes"):
+            for line in summary[kind]:
+                say(f"{kind[:-1]}: {line}")
+    if arguments.json:
+        print(json.dumps(summary, allow_nan=False))
+    elif not arguments.quiet:
+        _print_table(summary)
+        say(f"{os.path.join(arguments.out, REPORT)}")
+
+
+def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What Settings is built of; --time-limit and --spp exclude each other."""
+    if arguments.time_limit is not None and arguments.spp is not None:
+        raise ConfigError("--time-limit finds the samples per pixel, --spp sets them; give one of the two")
+    if arguments.reference is not None and arguments.reference_spp is not None:
+        raise ConfigError("--reference is there already, --reference-spp renders one; give one of the two")
+    common = given(max_depth=arguments.max_depth, device=arguments.device, threads=arguments.threads)
+    return {
+        "common": common,
+        **given(
+            seed=arguments.seed,
+            repeats=arguments.repeats,
+            spp=arguments.spp,
+            seconds=arguments.time_limit,
+            reference=arguments.reference,
+            reference_spp=arguments.reference_spp,
+        ),
+    }
+
+
+def _print_table(summary: Mapping[str, Any]) -> None:
+    """Efficiency, error at equal time, and the time to each error; predictions with a sign of approximation."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from warpmis.output.report.text import percent, ratio_text, seconds_text
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("method")
+    for heading in ("efficiency", "error", *(f"to {percent(target)}" for target in summary["targets"])):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for method in summary["methods"]:
+        table.add_row(
+            method["label"],
+            ratio_text(method["efficiency"]["median"]),
+            percent(method["equal_time"]["relative_error"]["median"]),
+            *_arrivals(method["time_to"], seconds_text),
+        )
+    Console().print(table)
+
+
+def _arrivals(arrivals: Sequence[Mapping[str, Any]], text: Any) -> list[str]:
+    sign = {"measured": "", "predicted": "~", "sooner": "<"}
+    return ["never" if a["kind"] == "never" else f"{sign[a['kind']]}{text(a['seconds']['median'])}" for a in arrivals]

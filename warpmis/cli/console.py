@@ -1,0 +1,95 @@
+"""What every command says, and where: results on standard output, everything else on standard error."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from warpmis.progress import Progress
+
+
+def say(line: str) -> None:
+    print(f"warpmis: {' '.join(line.split())}", file=sys.stderr)  # one line, whatever a library put in its message
+
+
+def fail(message: str, status: int) -> int:
+    say(f"error: {message}")
+    return status
+
+
+def start_warp() -> None:
+    """Initialise Warp without its chatter.
+
+    It tells of its devices and of every kernel it loads on standard output, which is for --json alone, and its native
+    half warns of a missing CUDA driver, which most machines have no use for, on the process's standard error.
+    """
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    stderr = os.dup(2)
+    with tempfile.TemporaryFile() as heard:
+        os.dup2(heard.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        heard.seek(0)
+        for line in heard.read().decode(errors="replace").splitlines():
+            if "Could not find or load the NVIDIA CUDA driver" not in line:
+                say(line)
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON can say it: NumPy numbers as Python's, infinite ones and NaN, which JSON lacks, as null."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(item) for name, item in value.items()}
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def speed_text(samples: int, seconds: float) -> str:
+    return f"{samples / max(seconds, 1e-9) / 1e6:.2f} Msamples/s"
+
+
+@contextmanager
+def progress_bar(*, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
+    """A bar on a terminal; None, so that nothing is shown, anywhere else."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[speed]}"),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("load", total=None, speed="")
+
+        def show(progress: Progress) -> None:
+            bar.update(
+                task,
+                description=f"{progress.phase} {progress.detail}".strip(),
+                completed=progress.done,
+                total=progress.total or None,  # unknown: the bar swings
+                speed=speed_text(progress.samples, progress.seconds) if progress.samples else "",
+            )
+
+        yield show

@@ -1,0 +1,1 @@
+"""Methods side by side: what accuracy costs in time."""

@@ -1,0 +1,68 @@
+"""How far a picture is from the right one: pure functions of arrays.
+
+Colours are weighted as in the learner's objective (theory.md): the squared error of a pixel is
+sum_c g_c (x_c - r_c)^2 with the luminance weights g of Rec.709.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+# Part of the pixels that is left out of every mean, the worst ones: a few fireflies would decide it alone.
+OUTLIERS = 0.001
+
+# A pixel darker than a tenth of the picture's mean counts as if it were that bright: nobody sees its relative error.
+DARK = 0.1
+
+
+def squared_error(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Float64Array:
+    """sum_c g_c (x_c - r_c)^2 [radiance^2], shapes (H, W, 3) to (H, W)."""
+    apart = np.asarray(image, np.float64) - np.asarray(reference, np.float64)
+    return apart**2 @ LUMINANCE
+
+
+def squared_scale(reference: NDArray[np.floating]) -> Float64Array:
+    """What a squared error is relative to: L^2 + (0.1 mean L)^2 with the luminance L, shapes (H, W, 3) to (H, W)."""
+    luminance = np.asarray(reference, np.float64) @ LUMINANCE
+    return luminance**2 + (DARK * luminance.mean()) ** 2
+
+
+def without_outliers(values: NDArray[np.floating], outliers: float = OUTLIERS) -> Float64Array:
+    """All values but the largest `outliers` of them, sorted, one-dimensional; of fewer than 1/outliers, all."""
+    ordered = np.sort(np.asarray(values, np.float64), axis=None)
+    return ordered[: ordered.size - int(outliers * ordered.size)]
+
+
+def relative_mse(image: NDArray[np.floating], reference: NDArray[np.floating], outliers: float = OUTLIERS) -> float:
+    """relMSE: the mean of squared_error / squared_scale over the pixels, without outliers.
+
+    Its root is the relative error: 0.02 is 2 %.
+
+    Reference: Rousselle, Knaus, Zwicker (2011), with a floor that follows the picture's brightness.
+    """
+    return float(without_outliers(squared_error(image, reference) / squared_scale(reference), outliers).mean())
+
+
+def mean_squared_error(image: NDArray[np.floating], reference: NDArray[np.floating]) -> float:
+    """Mean of squared_error over all pixels, fireflies and all [radiance^2]."""
+    return float(squared_error(image, reference).mean())
+
+
+def estimated_relative_error(image: NDArray[np.floating], squared_standard_error: NDArray[np.floating]) -> float:
+    """The relative error that a picture's own samples lead one to expect, without any reference.
+
+    The root of relMSE with the pixels' squared standard errors in place of the squared error.
+
+    Args:
+        image: shape (H, W, 3).
+        squared_standard_error: variance of the pixel's mean luminance, shape (H, W).
+    """
+    scale = squared_scale(image)
+    if not scale.any():
+        return 0.0  # a black picture
+    return float(np.sqrt(without_outliers(squared_standard_error / scale).mean()))
