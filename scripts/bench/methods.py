@@ -2,8 +2,8 @@
 
     python scripts/bench/methods.py [SCENE ...] [--budget 64] [--seeds 5] [--json FILE]
 
-A budget of 64 samples per pixel takes each method as it comes. One of 2304 takes rounds of 256 samples, as Murray et al.
-(2020) do, 1 and 8 of them. All figures are relative to `balance` in the same run, medians over the seeds:
+A budget of 64 samples per pixel takes each method as it comes. One of 2304 takes rounds of 256 samples, as Murray et
+al. (2020) do, 1 and 8 of them. All figures are relative to `balance` in the same run, medians over the seeds:
 
 variance    relMSE of the picture, learning samples included (warpmis/metrics.py), the reference's own noise taken off
 time        seconds of tracing and learning on one thread

@@ -18,6 +18,7 @@ from warpmis.kernels import rng
 from warpmis.kernels.camera import camera_ray_direction
 from warpmis.kernels.intersect import Hit, closest_hit, make_intersect
 from warpmis.kernels.path import make_path
+from warpmis.kernels.trace import CPU_FLAGS
 from warpmis.scene import Scene
 
 
@@ -97,12 +98,13 @@ def recording_kernel(features: Features) -> wp.Kernel:
             key.pixel = wp.uint32(pixel)
             key.sample = wp.uint32(k)
             u = rng.uniform4(key, rng.CAMERA)
-            Li(scene, camera.position, camera_ray_direction(camera, pixel, u[0], u[1]), key, vec_s(), max_depth)
+            direction = camera_ray_direction(camera, pixel, u[0], u[1])
+            Li(scene, camera.position, direction, key, vec_s(), 0.0, max_depth)
 
     return run
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
 def bare_queries(
     mesh: wp.uint64,
     origins: wp.array(dtype=wp.vec3),
