@@ -58,8 +58,9 @@ def main() -> None:
     for name in arguments.scenes:
         scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=arguments.width)
         shared = [cost(scene, method="fixed", allocation=(share, 1.0 - share)) for share in SHARES]
-        plain = [cost(scene, method="nee", max_depth=depth) for depth in (1, 2, 4, 8)]
-        rows = np.array([*shared, *plain])
+        plain = [cost(scene, method="nee", max_depth=depth) for depth in (1, 3, 8)]
+        short = [cost(scene, method="balance", max_depth=depth) for depth in (0, 1)]
+        rows = np.array([*shared, *plain, *short])
         # Relative residuals: a cheap render counts as much as a dear one.
         design = np.column_stack([np.ones(len(rows)), rows[:, 1:]]) / rows[:, :1]
         _, ray, shadow = np.linalg.lstsq(design, np.ones(len(rows)), rcond=None)[0]
