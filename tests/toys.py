@@ -90,9 +90,9 @@ def bumps(count: int, seed: int) -> Toy:
 
 
 def random_moments(count: int, pixels: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """F^2, shape (pixels, n), q, shape (pixels, n, S), and allocations, shape (pixels, S), heavy-tailed as a renderer's.
+    """F^2, shape (pixels, n), q, shape (pixels, n, S), and allocations, shape (pixels, S).
 
-    In some pixels one strategy is by far the best. The allocations are exact in float32, as the kernels read them.
+    Heavy-tailed as a renderer's. In some pixels one strategy is by far the best. The allocations are exact in float32, as the kernels read them.
     """
     rng = np.random.default_rng(seed)
     a = rng.dirichlet(np.full(count, 3.0), size=pixels) * (1.0 - 0.05 * count) + 0.05
@@ -113,8 +113,8 @@ def sums(F2: FloatArray, q: FloatArray) -> FloatArray:
 def filled(layout: Layout, **parts: FloatArray | float) -> FloatArray:
     """A pixel's vector with the named statistics in their places; `moments` stands for m_s and h_st, 0 for the rest."""
     vector = np.zeros(layout.size)
-    for name, values in parts.items():
-        values = np.atleast_1d(values)
+    for name, part in parts.items():
+        values = np.atleast_1d(part)
         start = 0 if name == "moments" else layout.offset(name)
         vector[start : start + len(values)] = values
     return vector

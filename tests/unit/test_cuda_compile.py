@@ -9,8 +9,8 @@ import warp as wp
 
 from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
 from warpmis.features import Features
-from warpmis.kernels.trace import make_trace
 from warpmis.kernels.moments import Layout
+from warpmis.kernels.trace import make_trace
 from warpmis.learn.candidates import make_candidates
 from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed

@@ -31,7 +31,8 @@ def make_result(height: int = 3, width: int = 4) -> RenderResult:
     return RenderResult(
         image=picture(3), alpha=picture(), albedo=picture(3), normal=picture(3), depth=picture(),
         samples=np.full((height, width), 64, np.int32), variance=picture(), allocation=picture(2),
-        strategies=("bsdf", "light"), stats={}, name="box.usda", settings=RenderConfig(spp=64, method="murray20", seed=3).to_dict(),
+        strategies=("bsdf", "light"), stats={}, name="box.usda",
+        settings=RenderConfig(spp=64, method="murray20", seed=3).to_dict(),
     )  # fmt: skip
 
 
