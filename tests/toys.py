@@ -92,7 +92,8 @@ def bumps(count: int, seed: int) -> Toy:
 def random_moments(count: int, pixels: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """F^2, shape (pixels, n), q, shape (pixels, n, S), and allocations, shape (pixels, S).
 
-    Heavy-tailed as a renderer's. In some pixels one strategy is by far the best. The allocations are exact in float32, as the kernels read them.
+    Heavy-tailed as a renderer's. In some pixels one strategy is by far the best. The allocations are exact in
+    float32, as the kernels read them.
     """
     rng = np.random.default_rng(seed)
     a = rng.dirichlet(np.full(count, 3.0), size=pixels) * (1.0 - 0.05 * count) + 0.05
