@@ -162,6 +162,7 @@ class Integrator:
         if self.learner.layout.size == 0 or not samples.any():
             return {}
         excess = excess_variance_bound(self.learner.moments.numpy(), self.allocation.numpy(), samples)
+        excess = np.minimum(excess, variance.ravel())  # nothing saves more than all
         return {
             "excess_variance_bound": relative_sum(excess, image) / max(relative_sum(variance.ravel(), image), 1e-30)
         }
