@@ -87,7 +87,7 @@ def test_predicted_variance_is_observed(method: str) -> None:
         found = np.array(observations[share])
         error = np.hypot(np.std(foretold, ddof=1), found.std(ddof=1)) / np.sqrt(SEEDS) / found.mean()
         print(f"{method} {share}: {np.mean(foretold) / found.mean():.4f} +- {error:.4f}")
-        significance = sidak(SIGNIFICANCE, len(predictions))
+        significance = sidak(SIGNIFICANCE, 7)
         assert welch_test(np.array(foretold), found) > significance
         assert detectable_bias(error, significance) < 0.06
 
