@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpmis.scene import Camera, Geometry, Light, Material, Prim, RectLight, Scene, SphereLight
+from warpmis.scene import Camera, DomeLight, Geometry, Light, Material, Prim, RectLight, Scene, SphereLight
 
 USD_SCENES = Path(__file__).parent.parent / "usd_scenes"
 
@@ -86,3 +86,28 @@ def hidden_light(pixels: int = 16) -> Scene:
     faces = list(zip(walls, [0, 0, 2, 0, 1, 0], strict=True)) + [(face, 0) for face in crate]
     shut_in = SphereLight("/shut_in", np.array([-0.1, 0.55, -0.25]), 0.3, np.array([30.0, 30.0, 30.0]))
     return scene(quads(faces), list(base.materials), [*base.lights, shut_in], base.camera, pixels)
+
+
+def lit_ceiling(pixels: int = 12, lamp: float = 20.0) -> Scene:
+    """A grey room's floor, lit faintly by a small lamp (of that radiance) and strongly by the ceiling that another
+    lamp shines at.
+
+    Direct light alone is best found by sampling the lamps, but most light comes from where no lamp is. No lamp is in
+    view, and all colours are alike: the variance of luminance is that of F.
+    """
+    grey = Material(path="/grey", diffuse_color=(0.7, 0.7, 0.7), lambertian=True)
+    up = RectLight("/up", np.array([0, 1.5, 0]), np.array([0.3, 0, 0]), np.array([0, 0, 0.3]), np.full(3, 20.0))
+    down = RectLight("/down", np.array([0.6, 1.9, 0]), np.array([0.1, 0, 0]), np.array([0, 0, -0.1]), np.full(3, lamp))
+    faces = [(wall, 0) for wall in box_faces((-1, 0, -1), (1, 2, 1), inward=True)]
+    return scene(quads(faces), [grey], [up, down], camera((0, 1.2, 0.9), (0, 0, -0.2), half_width=0.4), pixels)
+
+
+def open_room(pixels: int = 16) -> Scene:
+    """The room without the wall behind the camera, a dome outside: every strategy has something to find."""
+    base = room(pixels)
+    walls = box_faces((-1, 0, -1), (1, 2, 1), inward=True)
+    geometry = quads(
+        [(wall, material) for wall, material in zip(walls, [0, 0, 2, 0, 1, -1], strict=True) if material >= 0]
+    )
+    dome = DomeLight("/sky", np.eye(3), np.array([0.4, 0.5, 0.6]))
+    return scene(geometry, list(base.materials), [*base.lights, dome], base.camera, pixels)

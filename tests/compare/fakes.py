@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from warpmis.config import RenderConfig
+from warpmis.methods import METHODS
 from warpmis.progress import Progress
 from warpmis.result import RenderResult
 
@@ -30,8 +31,8 @@ class FakeRender:
         slow_after: calls after which everything takes 16 times as long.
     """
 
-    noise: dict[str, float] = field(default_factory=lambda: {"balance": 1.0, "nee": 1.0, "murray20": 1.0})
-    cost: dict[str, float] = field(default_factory=lambda: {"balance": 0.1, "nee": 0.1, "murray20": 0.1})
+    noise: dict[str, float] = field(default_factory=lambda: dict.fromkeys(METHODS, 1.0))
+    cost: dict[str, float] = field(default_factory=lambda: dict.fromkeys(METHODS, 0.1))
     bias: dict[int, float] = field(default_factory=dict)
     jitter: float = 0.0
     slow_after: int = 10**9

@@ -90,10 +90,10 @@ def test_bias_is_told_from_noise(fake: FakeRender) -> None:
     """A fifth of the noise of a pixel of the longest run (12.5 %), but the same everywhere."""
     fake.bias = {2: -0.025}
     methods = compared(BALANCE, *swept("max-depth", [2, 8]))["methods"]
-    bias = methods["murray20, max-depth 2"]["bias"]["relative_error"]
+    bias = methods["auto, max-depth 2"]["bias"]["relative_error"]
     assert bias == pytest.approx(0.025, rel=0.15)
-    assert [a["kind"] for a in methods["murray20, max-depth 2"]["time_to"]][-3:] == ["never"] * 3
-    unbiased = methods["murray20, max-depth 8"]
+    assert [a["kind"] for a in methods["auto, max-depth 2"]["time_to"]][-3:] == ["never"] * 3
+    unbiased = methods["auto, max-depth 8"]
     assert unbiased["bias"]["relative_error"] == 0.0
     assert 0.0 < unbiased["bias"]["limit"] < 0.025
     assert unbiased["time_to"][-1]["kind"] == "predicted"
@@ -114,7 +114,7 @@ def test_every_run_has_a_seed_of_its_own(fake: FakeRender) -> None:
 
 def test_what_needs_more_samples_is_left_out_and_named(fake: FakeRender) -> None:
     summary = compared(BALANCE, *swept("learn-spp", [16, 512]))
-    assert set(summary["methods"]) == {"balance", "murray20, learn-spp 16"}
+    assert set(summary["methods"]) == {"balance", "auto, learn-spp 16"}
     assert any("learn-spp 512 needs more than 64 samples" in line for line in summary["warnings"])
 
 
@@ -202,8 +202,11 @@ def test_labels() -> None:
 
 
 def test_rounds_of_a_swept_length_fit_the_budget() -> None:
+    """As many as the budget has room for, up to the method's own number for that budget: auto has one, whatever."""
     (one,) = swept("learn-spp", [64])
-    assert [one.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 2, 6]
+    assert [one.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 1, 1]
+    many = Variant("rounds", {"method": "murray20"}, {"spp": 64})
+    assert [many.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 2, 6]
     assert one.least_spp({}) == 64
     with pytest.raises(ConfigError, match="cannot sweep 'spp'"):
         swept("spp", [1])

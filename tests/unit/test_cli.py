@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 import warpmis
@@ -27,6 +28,7 @@ class FakeRender:
         self.stage = ""
         self.options: dict[str, Any] = {}
         self.error: BaseException | None = None
+        self.rounds: tuple[np.ndarray, ...] = ()
         self.stats: dict[str, Any] = {"seconds": {"load": 0.1, "learn": 1.0, "render": 3.0}, "samples": 8_000_000}
 
     @property
@@ -47,7 +49,7 @@ class FakeRender:
         return RenderResult(
             image=rgb, alpha=zeros, albedo=rgb, normal=rgb, depth=zeros, samples=zeros, variance=zeros,
             allocation=np.full((4, 6, count), 1.0 / count, np.float32), strategies=self.config.strategies,
-            stats=self.stats, name=stage, settings=self.config.to_dict(),
+            round_allocations=self.rounds, stats=self.stats, name=stage, settings=self.config.to_dict(),
             warnings=("/A: Volume is not supported", "/B: odd\nshader", "/A: Volume is not supported"),
             notes=("no light: a dome of radiance 1",),
         )  # fmt: skip
@@ -76,6 +78,7 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
     learning = "--learn-rounds 4 --learn-spp 2 --initial-allocation 0.25,0.75".split()
     stage = "--camera /Cam --image-width 320 --purposes render,proxy --render-settings-prim-path /Render/A".split()
     render = "--spp 32 --method murray20 --strategies light,bsdf --max-depth 3 --seed 7 --device cuda:0 --threads 2"
+    render += " --strategy-choice random --mis-compensation"
     geometry = "--complexity low --variant /A{b=c} --variant /A{d=e} --mask /A,/B --session-layer s.usda".split()
     assert main(["render", "box.usda", "out.exr", *stage, *geometry, *render.split(), *learning]) == 0
     options = {name: fake.options[name] for name in ("camera", "purposes", "render_settings")}
@@ -86,6 +89,7 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
     }  # fmt: skip
     assert fake.config.to_dict() == {
         "width": 320, "spp": 32, "method": "murray20", "strategies": ["light", "bsdf"], "allocation": None,
+        "strategy_choice": "random", "mis_compensation": 1,
         "max_depth": 3, "seed": 7, "device": "cuda:0", "threads": 2,
         "learn": {"rounds": 4, "spp": 2, "initial_allocation": [0.25, 0.75]},
     }  # fmt: skip
@@ -107,6 +111,24 @@ def test_fixed_allocation(fake: FakeRender) -> None:
     np.testing.assert_allclose(fake.config.allocation, [0.2, 0.8])
 
 
+def test_round_maps_are_pictures_numbered_from_one(fake: FakeRender) -> None:
+    """Each in the colours of its own round: the first all red, where the BSDF has everything, the last all blue."""
+    fake.rounds = tuple(np.full((4, 6, 2), (share, 1.0 - share), np.float32) for share in (1.0, 0.5, 0.0))
+    Path("maps").mkdir()
+    assert main(["render", "box.usda", "--round-maps", "maps"]) == 0
+    assert fake.config.learn.keep_maps
+    assert sorted(path.name for path in Path("maps").iterdir()) == [f"round_000{n}.png" for n in (1, 2, 3)]
+    pictures = [oiio.ImageBuf(f"maps/round_000{n}.png").get_pixels(oiio.UINT8) for n in (1, 2, 3)]
+    assert [picture.shape[:2] for picture in pictures] == [(4, 6)] * 3
+    red_over_blue = [int(picture[0, 0, 0]) - int(picture[0, 0, 2]) for picture in pictures]
+    assert red_over_blue[0] > 50 and abs(red_over_blue[1]) < 50 and red_over_blue[2] < -50
+
+
+def test_maps_are_not_kept_unless_wanted(fake: FakeRender) -> None:
+    assert main(["render", "box.usda"]) == 0
+    assert not fake.config.learn.keep_maps
+
+
 # ---- exit status and what is said -----------------------------------------------------------------------------------
 
 
@@ -117,6 +139,9 @@ def test_fixed_allocation(fake: FakeRender) -> None:
         ("--method magic", "unknown method 'magic'"),
         ("--strategies bsdf,magic", "unknown strategy 'magic'"),
         ("--method fixed", "needs an allocation"),
+        ("--strategy-choice magic", "unknown strategy choice 'magic'; choose one of stratified, random"),
+        ("--method nee --learn-rounds 2", "method 'nee' learns nothing: drop the learn settings"),
+        ("--method nee --round-maps .", "method 'nee' learns nothing"),
         ("--png a.jpg", "a.jpg: the file's name must end in .png"),
         ("--png a.png --balance-map ./a.png", "name the same file"),
     ],
@@ -147,11 +172,13 @@ def test_unreadable_arguments_are_usage_errors(fake: FakeRender, arguments: str)
     assert exit_.value.code == 2
 
 
-@pytest.mark.parametrize("option", ["OUT", "--png", "--balance-map"])
+@pytest.mark.parametrize("option", ["OUT", "--png", "--balance-map", "--round-maps"])
 def test_missing_folder_is_found_before_rendering(
     fake: FakeRender, capsys: pytest.CaptureFixture[str], option: str
 ) -> None:
     target = ["nowhere/a.exr"] if option == "OUT" else [option, "nowhere/a.png"]
+    if option == "--round-maps":
+        target = [option, "nowhere"]
     assert main(["render", "box.usda", *target]) == 1
     assert "the folder nowhere does not exist; create it first" in capsys.readouterr().err
     assert not fake.options

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warpmis.config import LearnConfig, RenderConfig
+from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
 from warpmis.errors import ConfigError
+from warpmis.methods import METHODS
 
 
 def fixed(allocation: Any, **settings: Any) -> RenderConfig:
@@ -28,13 +29,15 @@ def fixed(allocation: Any, **settings: Any) -> RenderConfig:
         ({"seed": -1}, "seed must be from 0 to 4294967295"),
         ({"seed": 2**32}, "seed must be from 0 to 4294967295"),
         ({"device": "gpu"}, "choose cpu, cuda or cuda:0"),
-        ({"method": "magic"}, "unknown method 'magic'; choose one of bsdf, balance, nee, fixed, murray20"),
+        ({"method": "magic"}, f"unknown method 'magic'; choose one of {', '.join(METHODS)}"),
+        ({"strategy_choice": "magic"}, "unknown strategy choice 'magic'; choose one of stratified, random"),
         ({"strategies": ("bsdf", "magic")}, "unknown strategy 'magic'; choose from bsdf, light"),
         ({"strategies": ("bsdf", "bsdf")}, "name each once"),
         ({"strategies": ()}, "name at least one strategy"),
         ({"strategies": "bsdf"}, "must be a tuple of names"),
         ({"strategies": ("bsdf",)}, "name two, such as bsdf,light"),
         ({"method": "bsdf", "strategies": ("light",)}, "add bsdf, which reaches every path"),
+        ({"method": "balance", "strategies": ("light", "area", "dome")}, "add bsdf, which reaches every path"),
         ({"allocation": (0.5, 0.5)}, "drop the allocation, or take method 'fixed'"),
         ({"method": "fixed"}, "method 'fixed' needs an allocation: one share for each of bsdf, light"),
     ],
@@ -68,6 +71,14 @@ def test_rejects_an_allocation_off_the_simplex(allocation: Any, message: str) ->
     assert message in str(error.value)
 
 
+@pytest.mark.parametrize("shares", [(0.0, 0.5, 0.5), np.tile((0.0, 0.5, 0.5), (2, 3, 1))])
+def test_rejects_shares_of_lights_alone(shares: Any) -> None:
+    """They would lose the light of every direction that no light's line meets; any complete strategy is enough."""
+    with pytest.raises(ConfigError, match="find no indirect light: give bsdf a part of every pixel"):
+        fixed(shares, strategies=("bsdf", "light", "dome"))
+    fixed(shares, strategies=("bsdf", "light", "cosine"))
+
+
 def test_worst_pixel_decides() -> None:
     shares = np.full((3, 3, 2), 0.5)
     shares[1, 2] = (0.5, 0.4)
@@ -93,7 +104,7 @@ def test_bsdf_method_has_one_strategy() -> None:
 
 
 def test_strategies_become_a_tuple() -> None:
-    assert RenderConfig(strategies=["light", "bsdf"]).strategies == ("light", "bsdf")
+    assert RenderConfig(method="balance", strategies=["light", "bsdf"]).strategies == ("light", "bsdf")
 
 
 def test_numpy_numbers_become_plain() -> None:
@@ -114,7 +125,13 @@ def test_numpy_numbers_become_plain() -> None:
     ],
 )
 def test_learning_takes_half_of_the_budget_unless_told(spp: int, learn: LearnConfig, expected: int) -> None:
-    assert RenderConfig(spp=spp, learn=learn).learn_spp() == expected
+    assert RenderConfig(spp=spp, method="murray20", learn=learn).learn_spp() == expected
+
+
+@pytest.mark.parametrize(("method", "expected"), [("auto", 128), ("pooled", 32), ("cost-aware", 32), ("lpg13", 512)])
+def test_each_method_spends_its_own_share_on_learning(method: str, expected: int) -> None:
+    """An eighth for what pools its neighbours' samples, in one round for auto; lpg13's only round is half of all."""
+    assert RenderConfig(spp=1024, method=method).learn_spp() == expected
 
 
 def test_learning_within_the_budget() -> None:
@@ -133,9 +150,17 @@ def test_budget_concerns_the_learning_method_alone() -> None:
 
 @pytest.mark.parametrize(("spp", "rounds"), [(1, 1), (4, 1), (63, 1), (64, 2), (256, 4), (4096, 8), (1 << 20, 8)])
 def test_rounds_grow_with_the_budget_and_always_fit(spp: int, rounds: int) -> None:
-    config = RenderConfig(spp=spp)
+    config = RenderConfig(spp=spp, method="murray20")
     assert config.learn_rounds() == rounds
     assert rounds * config.learn_spp() <= spp
+
+
+@pytest.mark.parametrize("spp", [1, 2, 7, 64, 1000])
+@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.learns])
+def test_learning_fits_any_budget(method: str, spp: int) -> None:
+    config = RenderConfig(spp=spp, method=method)
+    assert 1 <= config.learn_rounds() <= (METHODS[method].rounds or METHODS[method].max_rounds)
+    assert config.learn_rounds() * config.learn_spp() <= spp
 
 
 @pytest.mark.parametrize(
@@ -155,17 +180,47 @@ def test_rejects_impossible_learning(settings: dict[str, Any], message: str) -> 
 
 def test_initial_allocation_has_a_share_for_each_strategy() -> None:
     with pytest.raises(ConfigError, match="initial allocation must have 2 shares, one for each of bsdf, light, got 3"):
-        RenderConfig(learn=LearnConfig(initial_allocation=(0.2, 0.3, 0.5)))
+        RenderConfig(method="murray20", learn=LearnConfig(initial_allocation=(0.2, 0.3, 0.5)))
+
+
+@pytest.mark.parametrize("learn", [{"rounds": 2}, {"spp": 4}, {"initial_allocation": (0.5, 0.5)}, {"keep_maps": True}])
+@pytest.mark.parametrize("method", ["bsdf", "balance", "nee", "fixed"])
+def test_rejects_learning_where_nothing_is_learned(method: str, learn: dict[str, Any]) -> None:
+    allocation = (0.5, 0.5) if method == "fixed" else None
+    with pytest.raises(ConfigError, match=f"'{method}' learns nothing: drop the learn settings, or take murray20"):
+        RenderConfig(method=method, allocation=allocation, learn=LearnConfig(**learn))
+
+
+@pytest.mark.parametrize(
+    ("method", "settings", "message"),
+    [
+        ("lpg13", {"learn": LearnConfig(rounds=2)}, "method 'lpg13' has 1 learn round; drop the number of rounds"),
+        ("lpg13", {"strategies": STRATEGIES}, "for two strategies; take murray20 for 8"),
+        ("sbert19", {"strategies": ("bsdf", "light", "uniform")}, "for two strategies; take murray20 for 3"),
+        ("accumulated", {"strategies": ("bsdf", "light", "uniform")}, "for two strategies; take murray20 for 3"),
+        ("auto", {"strategies": ("bsdf", "dome")}, "for the strategies bsdf,light; take pooled for others"),
+        ("auto", {"strategies": ("light", "bsdf")}, "for the strategies bsdf,light; take pooled for others"),
+        ("auto", {"learn": LearnConfig(initial_allocation=(0.5, 0.5))}, "drop the initial one, or take pooled"),
+    ],
+)
+def test_rejects_what_a_method_is_not_made_for(method: str, settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        RenderConfig(spp=1024, method=method, **settings)
+    assert message in str(error.value)
+    RenderConfig(spp=1024, method="murray20", **settings)
 
 
 # ---- as plain values ------------------------------------------------------------------------------------------------
 
 
 def test_plain_values_are_json() -> None:
-    settings = fixed((0.25, 0.75), width=64, learn=LearnConfig(initial_allocation=(0.5, 0.5))).to_dict()
+    settings = fixed((0.25, 0.75), width=64, mis_compensation=True).to_dict()
     assert json.loads(json.dumps(settings)) == settings
     assert settings["allocation"] == [0.25, 0.75]
-    assert settings["learn"] == {"rounds": 4, "spp": 32, "initial_allocation": [0.5, 0.5]}
+    assert (settings["strategy_choice"], settings["mis_compensation"]) == ("stratified", 1)
+    learning = RenderConfig(method="murray20", learn=LearnConfig(initial_allocation=(0.5, 0.5))).to_dict()
+    assert json.loads(json.dumps(learning)) == learning
+    assert learning["learn"] == {"rounds": 4, "spp": 32, "initial_allocation": [0.5, 0.5]}
 
 
 def test_plain_values_name_a_picture_by_its_shape() -> None:

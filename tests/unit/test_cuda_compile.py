@@ -7,18 +7,32 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from warpmis.config import STRATEGIES
+from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
 from warpmis.features import Features
+from warpmis.kernels.moments import Layout
 from warpmis.kernels.trace import make_trace
-from warpmis.learn.newton import make_newton
+from warpmis.learn.candidates import make_candidates
+from warpmis.learn.expectation import make_expectation
+from warpmis.learn.newton_seed import make_newton_seed
+from warpmis.learn.newton_share import make_newton_share
+from warpmis.learn.newton_simplex import make_newton_simplex
+from warpmis.learn.pooling import make_pool, make_scale
+from warpmis.methods import METHODS
 
 HOPPER = 90
+AUTO = Layout(2, METHODS["auto"].statistics)
 KERNELS = {
     "trace, every effect, mixture": lambda: make_trace(Features.all(STRATEGIES)),
     "trace, every effect, next-event estimation": lambda: make_trace(Features.all()),
     "trace, no effect": lambda: make_trace(Features()),
-    "newton, two strategies": lambda: make_newton(2),
-    "newton, five strategies": lambda: make_newton(5),
+    "trace, auto": lambda: make_trace(Features.all().with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "newton_share": lambda: make_newton_share(Layout(2)),
+    "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
+    "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, METHODS["cost-aware"].statistics)),
+    "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
+    "candidates, pairs": lambda: make_candidates(AUTO, stratified=True),
+    "scale": lambda: make_scale(AUTO),
+    "pool": lambda: make_pool(AUTO),
 }
 
 

@@ -31,7 +31,8 @@ def make_result(height: int = 3, width: int = 4) -> RenderResult:
     return RenderResult(
         image=picture(3), alpha=picture(), albedo=picture(3), normal=picture(3), depth=picture(),
         samples=np.full((height, width), 64, np.int32), variance=picture(), allocation=picture(2),
-        strategies=("bsdf", "light"), stats={}, name="box.usda", settings=RenderConfig(spp=64, seed=3).to_dict(),
+        strategies=("bsdf", "light"), stats={}, name="box.usda",
+        settings=RenderConfig(spp=64, method="murray20", seed=3).to_dict(),
     )  # fmt: skip
 
 
@@ -57,7 +58,8 @@ def test_written_header(tmp_path: Path) -> None:
     _, header = read_exr(tmp_path / "a.exr")
     assert header == {
         "version": warpmis.__version__, "stage": "box.usda", "spp": 64, "method": "murray20",
-        "strategies": "bsdf,light", "max_depth": 8, "seed": 3, "device": "cpu", "learn.rounds": 2, "learn.spp": 16,
+        "strategies": "bsdf,light", "strategy_choice": "stratified", "mis_compensation": 0, "max_depth": 8, "seed": 3,
+        "device": "cpu", "learn.rounds": 2, "learn.spp": 16,
     }  # fmt: skip
 
 

@@ -50,7 +50,7 @@ class Variant:
         """
         learn = dict(self.learn)
         if "spp" in learn and "rounds" not in learn:
-            default = RenderConfig(spp=spp).learn_rounds()
+            default = RenderConfig(**{**common, **self.render}, spp=spp).learn_rounds()
             learn["rounds"] = max(1, min(default, spp // learn["spp"]))
         return RenderConfig(**{**common, **self.render}, learn=LearnConfig(**learn), spp=spp, seed=seed)
 

@@ -62,7 +62,8 @@ def make_path(features: Features) -> SimpleNamespace:
         weighted light that it met.
 
         hit: 1 where a surface was met, of which albedo, normal and distance tell; alpha: 1 also for a light in view;
-        early_rays, early_shadow_rays: those of all rays that were traced before Russian roulette could end the path.
+        early_rays, early_shadow_rays: those of all rays that were traced before Russian roulette could end the path;
+        0 where the mixture's vertex was not reached.
         """
 
         seen: wp.vec3
@@ -311,10 +312,10 @@ def make_path(features: Features) -> SimpleNamespace:
                 break
             if arrival >= WEIGHTED:
                 beta = beta / pdf_bsdf
-                if bounces < ROULETTE_DEPTH:
-                    path.early_rays = path.rays
-                    path.early_shadow_rays = path.shadow_rays
-                else:
+                if bounces >= ROULETTE_DEPTH:
+                    if path.early_rays == 0:
+                        path.early_rays = path.rays
+                        path.early_shadow_rays = path.shadow_rays
                     survival = wp.min(wp.max(beta[0], wp.max(beta[1], beta[2])), ROULETTE_MAX_SURVIVAL)
                     if u_event[2] >= survival:
                         break
@@ -323,6 +324,9 @@ def make_path(features: Features) -> SimpleNamespace:
             path.seen = L
         else:
             path.mixed = L
+            if path.early_rays == 0:
+                path.early_rays = path.rays
+                path.early_shadow_rays = path.shadow_rays
         return path
 
     return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies, paired=paired)

@@ -77,7 +77,7 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
         pixel = first + wp.tid()
         known = moments[pixel]
         # No light was found, or it is out of range: nothing is known, the allocation stays.
-        if not (known[wp.static(mean + 1)] > wp.float64(0.0)) or not wp.isfinite(known[wp.static(mean + 1)]):
+        if not (known[wp.static(mean + 1)] > wp.float64(0.0)) or not wp.isfinite(known):
             return
         best = wp.float64(wp.inf)
         chosen = allocation[pixel]

@@ -21,7 +21,7 @@ from warpmis.kernels.moments import Layout
 # Keeps the system solvable where two strategies have nearly equal densities; relative to the Hessian's trace.
 RIDGE = 1e-6
 
-# Smallest share of any strategy.
+# Smallest share of any strategy, before the common factor.
 LEAST = 0.01
 
 
@@ -99,11 +99,13 @@ def make_newton_seed(layout: Layout) -> wp.Kernel:
                 hessian[s, t] = wp.float64(2.0) * crossed
             trace += hessian[s, s]
         # Equal densities everywhere: every allocation is as good.
-        if trace <= wp.float64(1e-12):
+        if not (trace > wp.float64(1e-12)):
             return
         for s in range(wp.static(unknowns)):
             hessian[s, s] = hessian[s, s] + wp.float64(wp.static(RIDGE / unknowns)) * trace
         step = solve(hessian, descent)
+        if not wp.isfinite(wp.dot(step, step)):
+            return
         for s in range(wp.static(unknowns)):
             a[s] = a[s] + wp.clamp(float(step[s]), -2.0, 2.0)
         allocation[pixel] = clamped(a, low, high)

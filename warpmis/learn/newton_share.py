@@ -38,7 +38,7 @@ def make_newton_share(layout: Layout) -> wp.Kernel:
         # Divided first, so that no product overflows or vanishes.
         slope = sums[0] / second_moment - sums[1] / second_moment
         curvature = (sums[2] - sums[3] - sums[3] + sums[4]) / second_moment
-        if curvature <= wp.float64(wp.static(FLAT)):
+        if not (curvature > wp.float64(wp.static(FLAT))):
             return
         share = wp.float64(a[0]) + slope / (wp.float64(2.0) * curvature)
         clamped = wp.clamp(float(share), low, high)

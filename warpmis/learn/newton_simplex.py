@@ -81,7 +81,7 @@ def make_newton_simplex(layout: Layout) -> wp.Kernel:
         for s in range(wp.static(count)):
             scale = wp.max(scale, known[s])
         # No light was found, or it is out of range: nothing is known, the allocation stays.
-        if not (scale > wp.float64(0.0)) or not wp.isfinite(scale):
+        if not (scale > wp.float64(0.0)) or not wp.isfinite(known):
             return
         bound = wp.float64(min_share)
         a = vec_d()

@@ -1,0 +1,169 @@
+"""The best of nine shares and next-event estimation: predicted variances against quadrature, and what is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import warp as wp
+from toys import Toy, bad_moments, filled, smooth
+
+from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
+from warpmis.learn.candidates import LIGHT_COST, MARGIN, make_candidates
+from warpmis.methods import METHODS
+
+SHARES = np.array(CANDIDATES)
+MIXTURE = Layout(2, METHODS["accumulated"].statistics)
+PAIRS = Layout(2, METHODS["auto"].statistics)
+
+# So much more variance that a candidate is not chosen.
+HOPELESS = 1e6
+
+
+@dataclass
+class Chosen:
+    """The share of the first strategy and of the second, and what was foretold of them."""
+
+    shares: np.ndarray
+    variance: float
+    cost: float
+
+
+def choose(layout: Layout, moments: np.ndarray, *, stratified: bool = True, weight: float = 0.0) -> Chosen:
+    vec_s = wp.types.vector(length=2, dtype=wp.float32)
+    shares = wp.array(np.float32([[0.35, 0.65]]), dtype=vec_s, device="cpu")
+    known = wp.array(moments[None], dtype=layout.vec, device="cpu")
+    efficiency = wp.zeros(1, dtype=wp.vec2d, device="cpu")
+    inputs = [0, known, weight, shares, efficiency]
+    wp.launch(make_candidates(layout, stratified), dim=1, inputs=inputs, device="cpu")
+    return Chosen(shares.numpy()[0].astype(np.float64), *efficiency.numpy()[0])
+
+
+def known_of(toy: Toy, layout: Layout = MIXTURE, **more: np.ndarray) -> np.ndarray:
+    """Exact moments: of every candidate E[F'^2], and the mean of its samples from the first strategy."""
+    second = np.array([toy.second_moment((c, 1.0 - c)) for c in SHARES])
+    first = np.array([(toy.p[:, 0] * toy.f / (toy.p @ (c, 1.0 - c))).mean() for c in SHARES])
+    candidates = np.stack([second, first], axis=1).ravel()
+    return filled(layout, mean=[toy.integral, toy.second_moment((0.5, 0.5))], candidates=candidates, **more)
+
+
+def only(known: np.ndarray, layout: Layout, kept: int | None) -> np.ndarray:
+    """All candidates but one (None: all) made hopeless."""
+    known = known.copy()
+    for k in range(len(CANDIDATES)):
+        if k != kept:
+            known[layout.offset("candidates") + 2 * k] += HOPELESS
+    return known
+
+
+def two_part_toy() -> tuple[Toy, np.ndarray, np.ndarray]:
+    """A toy for pairs, and its direct light (met by the second strategy) and indirect light."""
+    x = (np.arange(500) + 0.5) / 500
+    p = np.stack([0.4 + 1.2 * x, np.where(x < 0.3, 1.0 + x, 0.0)], axis=1)
+    p /= p.mean(axis=0)
+    direct = np.where(x < 0.3, 2.0 + np.sin(9.0 * x), 0.0)
+    indirect = 0.5 + 0.4 * np.cos(5.0 * x)
+    return Toy(direct + indirect, p), direct, indirect
+
+
+def pair_of(cost: float) -> np.ndarray:
+    """E[X_l], E[X_l^2], E[X_b], E[X_b^2], E[C]."""
+    toy, direct, indirect = two_part_toy()
+    both = toy.p.sum(axis=1)
+    of_bsdf = direct / both + indirect / toy.p[:, 0]
+    expected = [toy.p[:, 1] * direct / both, toy.p[:, 1] * (direct / both) ** 2]
+    expected += [toy.p[:, 0] * of_bsdf, toy.p[:, 0] * of_bsdf**2]
+    return np.array([*(values.mean() for values in expected), cost])
+
+
+def next_event_variance() -> float:
+    """Of the sum of both samples, over all pairs of cells, with no use of their being independent."""
+    toy, direct, indirect = two_part_toy()
+    both = toy.p.sum(axis=1)
+    total = (direct / both)[:, None] + (direct / both + indirect / toy.p[:, 0])[None, :]
+    weight = toy.p[:, 1][:, None] * toy.p[:, 0][None, :] / len(both) ** 2
+    return float((weight * total**2).sum() - (weight * total).sum() ** 2)
+
+
+@pytest.mark.parametrize("stratified", [True, False])
+@pytest.mark.parametrize("kept", range(len(CANDIDATES)))
+def test_predicted_variance_of_each_candidate(kept: int, stratified: bool) -> None:
+    toy = smooth()
+    chosen = choose(MIXTURE, only(known_of(toy), MIXTURE, kept), stratified=stratified)
+    shares = (SHARES[kept], 1.0 - SHARES[kept])
+    assert chosen.shares == pytest.approx(shares, abs=1e-6)
+    expected = toy.stratified_variance(shares) if stratified else toy.variance(shares)
+    assert chosen.variance == pytest.approx(expected, rel=1e-6)
+    # Near the optimum the strategies' means agree, and there is nothing to gain from fixed numbers of each.
+    assert abs(shares[0] - toy.best()) < 0.05 or toy.stratified_variance(shares) < 0.99 * toy.variance(shares)
+    assert chosen.cost == 1.0
+
+
+@pytest.mark.parametrize("stratified", [True, False])
+def test_least_variance_is_chosen(stratified: bool) -> None:
+    plain = smooth()
+    for toy in (plain, Toy(plain.f, plain.p[:, ::-1])):
+        variances = [(toy.stratified_variance if stratified else toy.variance)((c, 1.0 - c)) for c in SHARES]
+        best = SHARES[np.argmin(variances)]
+        assert choose(MIXTURE, known_of(toy), stratified=stratified).shares == pytest.approx([best, 1.0 - best])
+
+
+# ---- pairs of next-event estimation ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stratified", [True, False])
+def test_predicted_variance_and_cost_from_pairs(stratified: bool) -> None:
+    """A mixture has no shadow ray, and its paths from the lights are shorter."""
+    toy = two_part_toy()[0]
+    known = known_of(toy, PAIRS, pair=pair_of(cost=6.0))
+    for kept, share in enumerate(SHARES):
+        moments = only(known, PAIRS, kept)
+        moments[PAIRS.offset("pair") + 1] += HOPELESS
+        chosen = choose(PAIRS, moments, stratified=stratified)
+        expected = toy.stratified_variance if stratified else toy.variance
+        assert chosen.shares == pytest.approx([share, 1.0 - share], abs=1e-6)
+        assert chosen.variance == pytest.approx(expected((share, 1.0 - share)), rel=1e-6)
+        assert chosen.cost == pytest.approx((6.0 - SHADOW_RAY_COST) * (share + LIGHT_COST * (1.0 - share)))
+
+
+def test_predicted_variance_and_cost_of_next_event_estimation() -> None:
+    known = known_of(two_part_toy()[0], PAIRS, pair=pair_of(cost=6.0))
+    chosen = choose(PAIRS, only(known, PAIRS, None))
+    assert (chosen.shares == 0.0).all()
+    assert chosen.variance == pytest.approx(next_event_variance(), rel=1e-6)
+    assert chosen.cost == 6.0
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.01, 0.1, 1.0, 10.0])
+@pytest.mark.parametrize("stratified", [True, False])
+def test_least_variance_and_weighted_cost_is_chosen(stratified: bool, weight: float) -> None:
+    toy = two_part_toy()[0]
+    chosen = choose(PAIRS, known_of(toy, PAIRS, pair=pair_of(cost=6.0)), stratified=stratified, weight=weight)
+    variance = toy.stratified_variance if stratified else toy.variance
+    cost = (6.0 - SHADOW_RAY_COST) * (SHARES + LIGHT_COST * (1.0 - SHARES))
+    loss = np.array([variance((c, 1.0 - c)) for c in SHARES]) + weight * cost
+    share = SHARES[loss.argmin()]
+    expected = (share, 1.0 - share)
+    if (next_event_variance() + weight * 6.0) * (1.0 - MARGIN) < loss.min():
+        expected = (0.0, 0.0)
+    assert chosen.shares == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(("ahead", "leaves"), [(0.5, True), (1.5, False)])
+def test_a_mixture_must_be_ahead_by_a_margin(ahead: float, leaves: bool) -> None:
+    """A mixture whose variance is less than next-event estimation's by less than 5 % is not taken, by more it is."""
+    toy = two_part_toy()[0]
+    known = known_of(toy, PAIRS, pair=pair_of(cost=6.0))
+    best = min(toy.stratified_variance((c, 1.0 - c)) for c in SHARES)
+    shift = best / (1.0 - ahead * MARGIN) - next_event_variance()
+    known[PAIRS.offset("pair") + 1] += shift
+    assert (choose(PAIRS, known).shares.sum() == 0.0) == leaves
+
+
+@pytest.mark.parametrize("layout", [MIXTURE, PAIRS], ids=["mixture", "pairs"])
+def test_allocation_is_kept_where_nothing_can_be_learned(layout: Layout) -> None:
+    toy = two_part_toy()[0]
+    more = {"pair": pair_of(cost=6.0)} if layout is PAIRS else {}
+    for case, moments in bad_moments(known_of(toy, layout, **more)).items():
+        assert choose(layout, moments).shares == pytest.approx([0.35, 0.65], abs=1e-7), case
