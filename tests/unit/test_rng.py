@@ -146,7 +146,7 @@ def test_golden_ratio_fills_the_interval_evenly_wherever_a_round_begins(count: i
     """Niederreiter (1992), theorem 3.3: count x discrepancy grows like the logarithm, for the golden ratio slowest."""
     for pixel, first in [(0, 0), (5, 0), (5, 64), (77, 12345), (77, 2**31 - 1 - count)]:
         numbers = evenly(count, pixel, first)
-        assert 0.0 <= numbers.min() and numbers.max() < 1.0
+        assert numbers.min() >= 0.0 and numbers.max() < 1.0
         assert count * discrepancy(numbers) < 1.0 + np.log(count + 1.0)
     if count >= 64:
         random = np.random.default_rng(1).random((20, count))
