@@ -24,8 +24,8 @@ REGIONS = 1 + BLOCKS**2
 
 @cache
 def load(name: str) -> warpmis.Scene:
-    if name == "hidden_light":
-        return scenes.hidden_light(pixels=24)
+    if name in ("hidden_light", "room"):
+        return getattr(scenes, name)(pixels=24)
     return warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=24)
 
 

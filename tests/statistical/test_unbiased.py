@@ -83,13 +83,13 @@ FEW: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled", "learn_rounds": 4, "learn_spp": 2},
     "auto": {"method": "auto", "learn_rounds": 2, "learn_spp": 2},
 }
-FEW_SEEDS = 80
+FEW_SEEDS = 150
 
 
 def test_learning_from_few_samples_is_unbiased() -> None:
-    reference = estimates("hidden_light", FEW_SEEDS, spp=64, method="balance")
+    reference = estimates("room", FEW_SEEDS, spp=64, method="balance")
     level = sidak(SIGNIFICANCE, len(FEW) * REGIONS)
     for label, settings in FEW.items():
-        found = estimates("hidden_light", FEW_SEEDS, spp=16, **settings)
+        found = estimates("room", FEW_SEEDS, spp=16, **settings)
         assert paired_p_values(found, reference).min() > level, label
         assert caught_bias(found, reference, level) < 0.02, label
