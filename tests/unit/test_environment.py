@@ -115,6 +115,33 @@ def test_black_picture_is_sampled_uniformly_over_the_sphere() -> None:
     np.testing.assert_allclose(d.density, np.broadcast_to(expected[:, None], (8, 16)), rtol=1e-5)
 
 
+def test_compensated_density_follows_what_is_above_the_mean() -> None:
+    """A dim sky with a bright square: Karlik et al. (2019), equation 14."""
+    picture = np.full((32, 64, 3), 0.1, dtype=np.float32)
+    picture[8:16, 20:30] = 4.0
+    environment = combine([dome(picture)])
+    d = distribution(environment, mis_compensation=True)
+    solid_angles = row_solid_angles(32, 64)
+    inside = (slice(9, 15), slice(21, 29))  # beyond the reach of the texels' blur
+    excess = (4.0 - environment.luminance) * solid_angles[9:15, None]
+    ratio = d.density[inside] / excess
+    np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-4)
+    far = np.ones((32, 64), dtype=bool)
+    far[7:17, 19:31] = False
+    assert (d.density[far] == 0.0).all()
+    assert d.density.mean(dtype=float) == pytest.approx(1.0, abs=1e-6)
+    # The plain density spends a part of the samples on the sky.
+    assert distribution(environment).density[inside].sum() < 0.95 * d.density[inside].sum()
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3, 1.7])
+def test_compensated_picture_of_one_colour_is_sampled_uniformly_over_the_sphere(value: float) -> None:
+    """Nothing is above the mean: then there is nothing to go after."""
+    d = distribution(combine([dome(np.full((33, 64, 3), value, dtype=np.float32))]), mis_compensation=True)
+    expected = row_solid_angles(33, 64) * 33 * 64 / (4.0 * np.pi)
+    np.testing.assert_allclose(d.density, np.broadcast_to(expected[:, None], (33, 64)), rtol=1e-3)
+
+
 def test_solid_angles_fill_the_sphere_and_the_mean_uses_them() -> None:
     assert (row_solid_angles(7, 5) * 5).sum() == pytest.approx(4.0 * np.pi)
     picture = np.zeros((4, 8, 3), dtype=np.float32)

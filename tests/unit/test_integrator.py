@@ -34,8 +34,11 @@ def test_image_is_equal_bit_for_bit_for_any_threads_and_tiles(monkeypatch: pytes
 
 
 def test_rounds_go_on_where_the_last_one_stopped() -> None:
-    """Two rounds hold the samples of one of the same length: none twice, for a repeated sample would bias learning."""
-    config = warpmis.RenderConfig(method="balance", spp=16)
+    """Two rounds hold the samples of one of the same length: none twice, for a repeated sample would bias learning.
+
+    With a random choice of strategy: the even one starts anew each round.
+    """
+    config = warpmis.RenderConfig(method="balance", spp=16, strategy_choice="random")
 
     def film_of(*parts: Round) -> np.ndarray:
         uploaded = upload(scenes.room(), "cpu")

@@ -14,7 +14,7 @@ from warpmis.kernels import rng
 
 COUNT = 1 << 18
 AXES = ("seed", "pixel", "sample", "block")
-SIGNIFICANCE = sidak(0.01, 4 * 4 + 4 * 4 + 6 + 4)
+SIGNIFICANCE = sidak(0.01, 4 * 4 + 4 * 4 + 6 + 4 + 3 + 4)
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -33,6 +33,17 @@ def draw(keys: wp.array(dtype=wp.vec4i), numbers: wp.array(dtype=wp.vec4), steps
 def convert(bits: wp.array(dtype=wp.uint32), numbers: wp.array(dtype=float)):
     i = wp.tid()
     numbers[i] = rng.to_unit(bits[i])
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def step_evenly(seed: int, pixel: int, first_sample: int, numbers: wp.array(dtype=float)):
+    """The golden ratio's numbers: thread i is sample i of the pixel, or sample first_sample of pixel i if pixel < 0."""
+    i = wp.tid()
+    key = rng.RngKey()
+    key.seed = wp.uint32(seed)
+    key.pixel = wp.uint32(wp.where(pixel < 0, i, pixel))
+    key.sample = wp.uint32(first_sample + wp.where(pixel < 0, 0, i))
+    numbers[i] = rng.golden_ratio(key, first_sample)
 
 
 def drawn(keys: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -116,3 +127,44 @@ def test_each_purpose_of_each_step_has_a_block_of_its_own() -> None:
     # Step k and purpose p have the block 1 + 4 k + p, so that all are in use and only the camera's is left out.
     np.testing.assert_array_equal(steps[:-1], numbers[1:])
     assert rng.CAMERA == 0
+
+
+def evenly(count: int, pixel: int = -1, first_sample: int = 0, seed: int = 1) -> NDArray[np.float64]:
+    numbers = wp.zeros(count, dtype=float)
+    wp.launch(step_evenly, count, [seed, pixel, first_sample, numbers])
+    return numbers.numpy().astype(float)
+
+
+def discrepancy(numbers: NDArray[np.float64]) -> float:
+    """Greatest difference between the numbers' distribution and the uniform one (star discrepancy)."""
+    ordered, count = np.sort(numbers), len(numbers)
+    return float(np.maximum(np.arange(1, count + 1) / count - ordered, ordered - np.arange(count) / count).max())
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 64, 1000, 1 << 16])
+def test_golden_ratio_fills_the_interval_evenly_wherever_a_round_begins(count: int) -> None:
+    """Niederreiter (1992), theorem 3.3: count x discrepancy grows like the logarithm, for the golden ratio slowest."""
+    for pixel, first in [(0, 0), (5, 0), (5, 64), (77, 12345), (77, 2**31 - 1 - count)]:
+        numbers = evenly(count, pixel, first)
+        assert numbers.min() >= 0.0 and numbers.max() < 1.0
+        assert count * discrepancy(numbers) < 1.0 + np.log(count + 1.0)
+    if count >= 64:
+        random = np.random.default_rng(1).random((20, count))
+        assert discrepancy(evenly(count, 5)) < 0.5 * min(map(discrepancy, random))
+
+
+@pytest.mark.parametrize("first", [0, 8, 1000])
+def test_golden_ratio_is_uniform_over_pixels(first: int) -> None:
+    """Each sample alone is as if drawn at random: no share of a strategy is missed."""
+    numbers = evenly(COUNT, first_sample=first)
+    assert uniformity(numbers, 512).p_value > SIGNIFICANCE
+
+
+def test_golden_ratio_of_a_round_says_nothing_of_the_next_one() -> None:
+    """What is learned from a round depends on its numbers; the next round's must not depend on what is learned."""
+    for first, again in [(0, 1), (0, 8), (8, 16)]:
+        both = np.stack([evenly(COUNT, first_sample=first), evenly(COUNT, first_sample=again)], axis=1)
+        assert uniformity(both, 48).p_value > SIGNIFICANCE
+    # Nor does one seed say anything of another.
+    both = np.stack([evenly(COUNT, seed=1), evenly(COUNT, seed=2)], axis=1)
+    assert uniformity(both, 48).p_value > SIGNIFICANCE

@@ -62,14 +62,17 @@ def uniform4(key: RngKey, block: int) -> wp.vec4:
 
 
 @wp.func
-def golden_ratio(key: RngKey) -> float:
-    """One number a sample that fills [0, 1) evenly over a pixel's samples, however many they are and wherever a round
-    begins: a random start a pixel, then steps of the golden ratio, modulo 1.
+def golden_ratio(key: RngKey, first_sample: int) -> float:
+    """One number a sample that fills [0, 1) evenly over a pixel's samples of one round, which begins with
+    `first_sample`, however many they are: a random start a round, then steps of the golden ratio, modulo 1.
+
+    A round that went on with the numbers of the last one would be biased: its shares are learned from samples whose
+    strategies tell where the sequence stands.
 
     Reference: Schroeder (1991), "Fractals, Chaos, Power Laws", on the sequence with the smallest discrepancy.
     """
     start = key
-    start.sample = wp.uint32(0)
+    start.sample = wp.uint32(first_sample)
     offset = wp.uint32(uniform4(start, CHOICE)[0] * 16777216.0) << wp.uint32(8)
     return to_unit(offset + key.sample * GOLDEN_STEP)
 

@@ -95,7 +95,7 @@ def make_trace(features: Features) -> wp.Kernel:
             direction = camera_ray_direction(camera, pixel, u[0], u[1])
             u_strategy = u[2]
             if stratified != 0:
-                u_strategy = rng.golden_ratio(key)
+                u_strategy = rng.golden_ratio(key, first_sample)
             sample = Li(scene, camera.position, direction, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
