@@ -189,7 +189,7 @@ class RenderConfig:
         if count < 2:
             raise ConfigError(f"method '{self.method}' shares samples between strategies: name two, such as bsdf,light")
         if self.how.two_strategies and count > 2:
-            raise ConfigError(f"method '{self.method}' is for two strategies; take murray20 for {count}")
+            raise ConfigError(f"method '{self.method}' is for two strategies; take pooled for {count}")
         if self.how.next_event and self.strategies != DEFAULT_STRATEGIES:
             raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
         if self.how.next_event and self.learn.initial_allocation is not None:
