@@ -26,6 +26,7 @@ ALLOWED: dict[str, set[str]] = {
     "scene": {"errors", "texture"},
     "usd": {"scene", "texture", "errors"},
     "features": {"scene", "texture"},
+    "inspection": {"scene", "texture", "features", "device.environment"},
     "film": {"errors"},
     "metrics": set(),
     "device": {"scene", "texture", "features", "film", "errors"},
@@ -38,7 +39,10 @@ ALLOWED: dict[str, set[str]] = {
         "config", "device", "errors", "features", "film", "integrator", "learn", "progress", "result", "scene", "usd",
     },
     "compare": {"config", "methods", "errors", "metrics", "output", "progress", ""},
-    "cli": {"compare", "config", "methods", "errors", "output", "progress", "rendering", "result", "scene", "usd", ""},
+    "cli": {
+        "compare", "config", "methods", "errors", "inspection", "output", "progress", "rendering", "result", "scene",
+        "usd", "",
+    },
     "__main__": {"cli"},
     "": {"config", "errors", "progress", "rendering", "result", "scene", "usd"},
 }  # fmt: skip
