@@ -163,14 +163,15 @@ def result_of(
         "device": config.device,
         "threads": integrator.threads,
     }
+    exposure = scene.camera.exposure
     return RenderResult(
-        image=film.image(),
+        image=film.image() * np.float32(exposure),
         alpha=film.coverage(),
         albedo=film.mean_albedo(),
         normal=film.mean_normal(),
         depth=film.mean_depth(),
         samples=film.count,
-        variance=spread.variance(),
+        variance=spread.variance() * np.float32(exposure**2),
         allocation=integrator.allocation_map(),
         round_allocations=tuple(maps),
         strategies=config.strategies,

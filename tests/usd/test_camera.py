@@ -200,18 +200,65 @@ def test_framing_sees_the_points_in_use_alone_and_lights_where_there_are_no_surf
     np.testing.assert_allclose(scene.camera.position, [0, 0, 5 / math.tan(half_view)], rtol=1e-6)
 
 
+def test_orthographic_aperture_is_the_window_in_tenths_of_a_unit():
+    body = 'token projection = "orthographic"\nfloat focalLength = 0\n' + SQUARE_LENS.replace(
+        "float focalLength = 10", ""
+    )
+    found = load(CUBE + camera(body=body)).camera
+    assert found.orthographic
+    np.testing.assert_allclose(found.window, [-1, 1, -1, 1], rtol=1e-6)
+
+
+def test_lens_radius_follows_from_the_f_number():
+    body = "float focalLength = 50\nfloat fStop = 2\nfloat focusDistance = 7"
+    found = load(CUBE + camera(body=body)).camera
+    assert (found.lens_radius, found.focus_distance) == (pytest.approx(5.0 / 4.0), 7.0)
+    assert load(CUBE + camera(body=body.replace("fStop = 2", "fStop = 0"))).camera.lens_radius == 0.0
+    switched_off = load(with_settings("bool disableDepthOfField = 1\nrel camera = </Cam>", lens=body))
+    assert switched_off.camera.lens_radius == 0.0
+    assert not switched_off.warnings
+
+
 @pytest.mark.parametrize(
     ("body", "word"),
     [
-        ('token projection = "orthographic"', "orthographic"),
-        ("float fStop = 2.8", "fStop"),
-        ("float exposure = 1", "exposure"),
+        ('token projection = "orthographic"\nfloat fStop = 2.8\nfloat focusDistance = 1', "fStop"),
+        ("float fStop = 2.8", "focusDistance"),
+        ("float fStop = nan\nfloat focusDistance = 1", "fStop"),
+        ("float fStop = -1\nfloat focusDistance = 1", "fStop"),
+        ("float exposure = 1000", "exposure"),
+        ("float exposure:fStop = 0", "exposure"),
+        ("float2 clippingRange = (3, 2)", "clippingRange"),
+        ("float2 clippingRange = (nan, 2)", "clippingRange"),
+        ("float4[] clippingPlanes = [(0, 0, 0, 1)]", "clipping plane"),
+        ("float4[] clippingPlanes = [(0, nan, 0, 1)]", "clipping plane"),
     ],
 )
-def test_what_a_pinhole_leaves_out_is_one_warning(body, word):
+def test_what_cannot_be_honoured_is_one_warning(body, word):
     scene = load(camera(body=body) + CUBE)
     assert mentions(scene, "/Cam", word)
     assert len(scene.warnings) == 1
+    found = scene.camera
+    assert (found.lens_radius, found.exposure, len(found.clipping_planes)) == (0.0, 1.0, 0)
+
+
+def test_clipping_planes_are_in_world_space_about_the_camera():
+    """Moved by (5, 0, 0) and turned about Y by 90 degrees: what was -Z, ahead, is -X."""
+    body = "float4[] clippingPlanes = [(0, 0, -2, -4)]"
+    ops = "double3 xformOp:translate = (5, 0, 0)\nfloat xformOp:rotateY = 90"
+    found = load(CUBE + camera(body=body, ops=ops, order='["xformOp:translate", "xformOp:rotateY"]')).camera
+    np.testing.assert_allclose(found.clipping_planes, [[-1, 0, 0, -2]], atol=1e-6)
+
+
+@pytest.mark.parametrize(("near", "far", "planes"), [(2, 100, 0), (4.5, 100, 1), (2, 5, 1), (4.5, 5, 2)])
+def test_ends_of_the_clipping_range_count_where_something_lies_beyond(near, far, planes):
+    """The cube reaches from 4 to 6 ahead."""
+    ops = camera(
+        body=f"float2 clippingRange = ({near}, {far})",
+        ops="double3 xformOp:translate = (0, 0, 5)",
+        order='["xformOp:translate"]',
+    )
+    assert len(load(CUBE + ops).camera.clipping_planes) == planes
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ class Settings:
         camera: path of the camera, or None.
         pixel_aspect_ratio: width over height of a pixel.
         conform_policy: UsdRender's aspectRatioConformPolicy.
+        disable_depth_of_field: whether every camera is a pinhole.
         material_purposes: purposes of material bindings, the first that a prim has counts; "" is for all purposes.
     """
 
@@ -29,6 +30,7 @@ class Settings:
     camera: str | None = None
     pixel_aspect_ratio: float = 1.0
     conform_policy: str = "expandAperture"
+    disable_depth_of_field: bool = False
     material_purposes: tuple[str, ...] = ("full", "")
 
 
@@ -67,6 +69,7 @@ def _read(settings: Any, reading: Reading) -> Settings:
         camera=str(cameras[0]) if cameras else None,
         pixel_aspect_ratio=ratio,
         conform_policy=str(reading.get(settings.GetAspectRatioConformPolicyAttr(), "expandAperture")),
+        disable_depth_of_field=bool(reading.get(settings.GetDisableDepthOfFieldAttr(), False)),
         material_purposes=tuple(map(str, reading.get(settings.GetMaterialBindingPurposesAttr(), ("full", "")))),
     )
 

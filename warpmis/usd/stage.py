@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
-from warpmis.usd.camera import read_camera, world_bounds
+from warpmis.usd.camera import read_camera
 from warpmis.usd.curves import read_curves
 from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
 from warpmis.usd.instances import Placement, placements
@@ -118,7 +118,7 @@ def _read_scene(reading: Reading, camera: str | None, width: int | None, render_
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
-    found, resolution = read_camera(reading, settings, camera, width, world_bounds(geometry, contents.lights))
+    found, resolution = read_camera(reading, settings, camera, width, geometry, contents.lights)
     return Scene(
         name=name,
         camera=found,
