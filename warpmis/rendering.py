@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.film import download_film
 from warpmis.device.upload import upload
+from warpmis.errors import Interrupted
 from warpmis.features import Features, detect
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import schedule
 from warpmis.progress import Progress
 from warpmis.result import RenderResult
 from warpmis.scene import Scene
+
+# At most so often is progress reported [s].
+REPORT_SECONDS = 0.1
 
 ProgressCallback = Callable[[Progress], None]
 
@@ -54,6 +58,7 @@ def render(
     Raises:
         ConfigError: a setting cannot be honoured.
         StageError: the stage cannot be rendered.
+        Interrupted: Ctrl-C, after samples were taken; it holds the result so far.
     """
     if config is not None and settings:
         raise TypeError(f"render() takes either a config or single settings, got both: {', '.join(sorted(settings))}")
@@ -122,13 +127,21 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
     maps = []
-    for number, part in enumerate(rounds, start=1):
-        reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
-        integrator.trace(part, reporter.advance)
-        if part.learn:
-            integrator.solve()
-            if config.learn.keep_maps:
-                maps.append(integrator.allocation_map())
+    try:
+        for number, part in enumerate(rounds, start=1):
+            reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
+            integrator.trace(part, reporter.advance)
+            if part.learn:
+                integrator.solve()
+                if config.learn.keep_maps:
+                    maps.append(integrator.allocation_map())
+    except KeyboardInterrupt:
+        if reporter.done == 0:
+            raise
+        reporter.phase("done")
+        share = 100.0 * reporter.done / reporter.total
+        scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
+        raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None
     reporter.phase("done")
     return result_of(scene, config, features, integrator, reporter, maps)
 
@@ -145,7 +158,8 @@ def result_of(
     width, height = scene.resolution
     learned, final = (download_film(film, width, height) for film in (integrator.learn_film, integrator.film))
     film = learned.merge(final)
-    spread = final if final.count.max() > 1 else film
+    # An interrupted last round has pixels without samples.
+    spread = final if (final.count + final.rejected).min() > 1 else film
     seconds = {name: reporter.seconds.get(name, 0.0) for name in ("load", "compile", "learn", "render")}
     traced = seconds["learn"] + seconds["render"]
     rays = integrator.rays()
@@ -209,7 +223,7 @@ class Reporter:
     def advance(self, samples: int) -> None:
         self.done += samples
         now = time.perf_counter()
-        if now - self.reported > 0.1:
+        if now - self.reported > REPORT_SECONDS:
             self.report(now)
 
     def report(self, now: float) -> None:

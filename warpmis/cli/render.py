@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import warpmis
 from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.frames import frame_list, numbered
 from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
-from warpmis.errors import ConfigError
+from warpmis.errors import ConfigError, Interrupted
 from warpmis.methods import METHODS
 
 if TYPE_CHECKING:
@@ -39,14 +42,19 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("stage", metavar="STAGE", help="a USD file")
     parser.add_argument("out", metavar="OUT.exr", nargs="?", help="default: the stage's name + .exr in this folder")
-    add_stage_options(parser)
+    group = add_stage_options(parser)
+    group.add_argument(
+        "--frames", "-f", type=frame_list, metavar="A:BxC,D",
+        help="render each of these time codes, such as 1:24 or 1:10x2,20; #### in OUT is the frame's number",
+    )  # fmt: skip
     _add_render_options(parser)
     _add_learn_options(parser)
     _add_output_options(parser)
     parser.set_defaults(run=run)
 
 
-def add_stage_options(parser: argparse.ArgumentParser) -> None:
+def add_stage_options(parser: argparse.ArgumentParser) -> Any:
+    """What to read of the stage, and the group, for those who have more to ask."""
     group = parser.add_argument_group("what to render (as in usdrecord)")
     group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim: its path, or its name if that is unique")
     group.add_argument(
@@ -66,6 +74,10 @@ def add_stage_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--mask", type=_names, metavar="/A,/B", help="load these prims alone, and what they refer to")
     group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="a layer stronger than the stage")
+    group.add_argument(
+        "--time", "-t", type=_time_code, metavar="T", help="time code (the stage's startTimeCode, else 0)"
+    )
+    return group
 
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
@@ -111,6 +123,16 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _time_code(text: str) -> float:
+    try:
+        code = float(text)
+    except ValueError:
+        code = math.nan
+    if not math.isfinite(code):
+        raise argparse.ArgumentTypeError(f"'{text}' is no time code such as 12 or 3.5")
+    return code
 
 
 def _purposes(text: str) -> tuple[str, ...]:
@@ -170,14 +192,14 @@ def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
         variants=arguments.variant,
         mask=arguments.mask,
         session_layer=arguments.session_layer,
+        time=arguments.time,
     )
 
 
 def _targets(arguments: argparse.Namespace) -> dict[str, str]:
-    """The files to write, by what they are, every one of which can be written."""
-    from warpmis.output.atomic import check_target
-
-    out = arguments.out or f"{Path(arguments.stage).stem}.exr"
+    """The files to write, by what they are; of a sequence the names with a place for the frame."""
+    frames = arguments.frames is not None
+    out = arguments.out or f"{Path(arguments.stage).stem}{'.####' if frames else ''}.exr"
     targets = given(output=out, png=arguments.png, balance_map=arguments.balance_map)
     for kind, path in targets.items():
         suffix = ".exr" if kind == "output" else ".png"
@@ -186,41 +208,94 @@ def _targets(arguments: argparse.Namespace) -> dict[str, str]:
             raise ConfigError(f"{path}: the file's name must end in {suffix}{remedy}")
     if len({os.path.realpath(path) for path in targets.values()}) < len(targets):
         raise ConfigError("--png and --balance-map name the same file; name two")
-    for path in targets.values():
-        check_target(path)
-    if arguments.round_maps:
-        check_target(f"{arguments.round_maps}/round.png")
-    return targets
+    return {**targets, **given(round_maps=arguments.round_maps)}
+
+
+def _jobs(arguments: argparse.Namespace) -> list[Job]:
+    """The pictures to render, with files every one of which can be written."""
+    from warpmis.output.atomic import check_target
+
+    targets = _targets(arguments)
+    jobs = [Job(targets)]
+    if arguments.frames is not None:
+        if arguments.time is not None:
+            raise ConfigError("--frames lists time codes, --time is one; give one of the two")
+        names = {kind: numbered(path, arguments.frames) for kind, path in targets.items()}
+        total = len(arguments.frames)
+        jobs = [
+            Job(
+                {kind: names[kind][index] for kind in targets},
+                {"time": frame},
+                f"frame {frame:g} ({index + 1}/{total})" if total > 1 else f"frame {frame:g}",
+            )
+            for index, frame in enumerate(arguments.frames)
+        ]
+    for job in jobs:
+        for kind, path in job.targets.items():
+            check_target(f"{path}/round.png" if kind == "round_maps" else path)
+    return jobs
 
 
 # ---- the command ------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Job:
+    """One picture: the files to write, what of the stage it takes beside the arguments, and what to call it."""
+
+    targets: dict[str, str]
+    options: dict[str, Any] = field(default_factory=dict)
+    label: str = ""
+
+
 def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
-    targets = _targets(arguments)
+    jobs = _jobs(arguments)
     start_warp()
+    said: set[str] = set()
+    reports: list[dict[str, Any]] = []
+    try:
+        for job in jobs:
+            reports.append(_render(job, arguments, config, said))
+    except Interrupted as stop:
+        reports.append(_finish(stop.result, jobs[len(reports)], arguments, said))
+        raise
+    finally:
+        if arguments.json and reports:
+            print(json.dumps(plain({"frames": reports} if arguments.frames else reports[0]), allow_nan=False))
+
+
+def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said: set[str]) -> dict[str, Any]:
     start = time.perf_counter()
-    with progress_bar(quiet=arguments.quiet) as show:
-        result = warpmis.render(arguments.stage, config=config, progress=show, **stage_options(arguments))
-    _write(result, targets)
-    if arguments.round_maps:
-        _write_round_maps(result, arguments.round_maps)
+    with progress_bar(quiet=arguments.quiet, label=job.label) as show:
+        options = {**stage_options(arguments), **job.options}
+        result = warpmis.render(arguments.stage, config=config, progress=show, **options)
+    report = _finish(result, job, arguments, said)
     if not arguments.quiet:
-        _say_messages(result)
-        say(_summary(result, config, targets["output"], time.perf_counter() - start))
-    if arguments.json:
-        report = {
-            **targets,
-            "version": warpmis.__version__,
-            "stage": result.name,
-            "strategies": result.strategies,
-            "settings": result.settings,
-            "stats": result.stats,
-            "warnings": _distinct(result.warnings),
-            "notes": _distinct(result.notes),
-        }
-        print(json.dumps(plain(report), allow_nan=False))
+        say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
+    return report
+
+
+def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said: set[str]) -> dict[str, Any]:
+    """Write a picture's files, say what has not been `said` of an earlier one, and return its part of --json."""
+    _write(result, job.targets)
+    warnings, notes = _distinct(result.warnings), _distinct(result.notes)
+    if not arguments.quiet:
+        for line in (*(f"warning: {line}" for line in warnings), *(f"note: {line}" for line in notes)):
+            if line not in said:
+                say(line)
+            said.add(line)
+    return {
+        **job.targets,
+        **job.options,
+        "version": warpmis.__version__,
+        "stage": result.name,
+        "strategies": result.strategies,
+        "settings": result.settings,
+        "stats": result.stats,
+        "warnings": warnings,
+        "notes": notes,
+    }
 
 
 def _write(result: RenderResult, targets: Mapping[str, str]) -> None:
@@ -233,6 +308,8 @@ def _write(result: RenderResult, targets: Mapping[str, str]) -> None:
     if "balance_map" in targets:
         picture = balance_map(result.allocation, result.strategies)
         write_display_png(targets["balance_map"], with_legend(picture, result.strategies))
+    if "round_maps" in targets:
+        _write_round_maps(result, targets["round_maps"])
 
 
 def _write_round_maps(result: RenderResult, folder: str) -> None:
@@ -249,13 +326,6 @@ def _write_round_maps(result: RenderResult, folder: str) -> None:
 
 def _distinct(lines: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(lines))
-
-
-def _say_messages(result: RenderResult) -> None:
-    for line in _distinct(result.warnings):
-        say(f"warning: {line}")
-    for line in _distinct(result.notes):
-        say(f"note: {line}")
 
 
 def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: float) -> str:
