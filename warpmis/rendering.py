@@ -33,7 +33,7 @@ def render(
     *,
     config: RenderConfig | None = None,
     camera: str | None = None,
-    purposes: tuple[str, ...] = ("render",),
+    purposes: tuple[str, ...] | None = None,
     render_settings: str | None = None,
     time: float | None = None,
     complexity: str = "high",
@@ -79,7 +79,8 @@ def render(
             mask=mask,
             session_layer=session_layer,
         )
-    scene = resized(scene, config.width)
+    else:
+        scene = resized(scene, config.width)
     return render_scene(scene, config, features, reporter)
 
 

@@ -278,3 +278,43 @@ def test_impossible_cameras_are_errors_with_their_path(text):
 def test_invisible_camera_still_looks():
     scene = load(f'def Xform "H"\n{{\ntoken visibility = "invisible"\n{camera()}}}\n' + CUBE)
     assert scene.camera.path == "/H/Cam"
+
+
+@pytest.mark.parametrize(
+    ("window", "resolution", "frame"),
+    [
+        ((0, 0, 1, 1), (40, 20), (-2, 2, -1, 1)),
+        ((0.5, 0.25, 1, 1), (20, 15), (0, 2, -0.5, 1)),
+        ((0, 0, 0.26, 1), (10, 20), (-2, -1, -1, 1)),  # 10.4 columns: the centre of the eleventh lies at 10.5
+        ((0, 0, 0.27, 1), (11, 20), (-2, -0.9, -1, 1)),
+        ((-0.5, 0, 1.5, 1), (80, 20), (-4, 4, -1, 1)),  # overscan
+        ((0.5, 0.5, 0.501, 0.501), (1, 1), (0, 0.1, 0, 0.1)),  # no centre: one pixel
+    ],
+)
+def test_data_window_keeps_the_pixels_whose_centres_it_contains(window, resolution, frame):
+    text = with_settings(f"int2 resolution = (40, 20)\nrel camera = </Cam>\nfloat4 dataWindowNDC = {window}")
+    scene = load(text)
+    assert scene.resolution == resolution
+    np.testing.assert_allclose(scene.camera.window, frame, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("window", ["(0, 0, 0, 1)", "(0, 1, 1, 0)", "(0, 0, nan, 1)", "(0, 0, 1e9, 1)"])
+def test_impossible_data_window_is_a_warning(window):
+    scene = load(with_settings(f"int2 resolution = (40, 20)\nfloat4 dataWindowNDC = {window}"))
+    assert mentions(scene, "/Settings", "dataWindowNDC")
+    assert scene.resolution == (40, 20)
+
+
+def test_unknown_conform_policy_is_a_warning():
+    scene = load(with_settings('uniform token aspectRatioConformPolicy = "bend"'))
+    assert mentions(scene, "/Settings", "bend")
+
+
+def test_included_purposes_count_unless_purposes_are_asked_for():
+    text = with_settings('uniform token[] includedPurposes = ["default", "proxy", "odd"]')
+    for purpose in ("render", "proxy"):
+        text += f'def Cube "{purpose}"\n{{\nuniform token purpose = "{purpose}"\n}}\n'
+    assert {prim.path for prim in load(text).prims} == {"/C", "/proxy"}
+    assert mentions(load(text), "/Settings", "odd")
+    assert {prim.path for prim in load(text, purposes=("render",)).prims} == {"/C", "/render"}
+    assert {prim.path for prim in load(text, purposes=()).prims} == {"/C"}

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from warpmis.result import RenderResult
 
 PURPOSES = ("default", "render", "proxy", "guide")
+COLOR_CORRECTIONS = ("disabled", "sRGB")
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
@@ -115,6 +116,10 @@ def _add_learn_options(parser: argparse.ArgumentParser) -> None:
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to write")
     group.add_argument("--png", metavar="FILE.png", help="also write the image as a PNG, to look at")
+    group.add_argument(
+        "--color-correction-mode", "--colorCorrectionMode", "-color", choices=COLOR_CORRECTIONS, default="sRGB",
+        help="how --png encodes: sRGB, or disabled for linear values (%(default)s)",
+    )  # fmt: skip
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
@@ -278,7 +283,7 @@ def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said:
 
 def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said: set[str]) -> dict[str, Any]:
     """Write a picture's files, say what has not been `said` of an earlier one, and return its part of --json."""
-    _write(result, job.targets)
+    _write(result, job.targets, srgb=arguments.color_correction_mode == "sRGB")
     warnings, notes = _distinct(result.warnings), _distinct(result.notes)
     if not arguments.quiet:
         for line in (*(f"warning: {line}" for line in warnings), *(f"note: {line}" for line in notes)):
@@ -298,13 +303,13 @@ def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said:
     }
 
 
-def _write(result: RenderResult, targets: Mapping[str, str]) -> None:
+def _write(result: RenderResult, targets: Mapping[str, str], *, srgb: bool) -> None:
     from warpmis.output.balance_map import balance_map, with_legend
     from warpmis.output.png import write_display_png, write_png
 
     result.write(targets["output"])
     if "png" in targets:
-        write_png(targets["png"], result.image)
+        write_png(targets["png"], result.image, srgb=srgb)
     if "balance_map" in targets:
         picture = balance_map(result.allocation, result.strategies)
         write_display_png(targets["balance_map"], with_legend(picture, result.strategies))

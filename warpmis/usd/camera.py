@@ -14,7 +14,7 @@ from warpmis.errors import ConfigError, StageError
 from warpmis.scene import Camera, CylinderLight, DiskLight, Geometry, Light, RectLight, SphereLight
 from warpmis.usd.clipping import Bounds, clipping_planes
 from warpmis.usd.reading import PxrError, Reading, one_line
-from warpmis.usd.settings import Settings
+from warpmis.usd.settings import WHOLE, Settings
 
 DEFAULT_WIDTH = 960  # usdrecord's
 
@@ -33,7 +33,7 @@ def read_camera(
     geometry: Geometry,
     lights: list[Light],
 ) -> tuple[Camera, tuple[int, int]]:
-    """The camera to render through and the resolution (width, height) [pixel].
+    """The camera to render through and the resolution (width, height) [pixel], both of the data window alone.
 
     The camera is the one asked for, else the RenderSettings', else the one of USD's primary camera name, else the
     first of the stage, else one that frames the geometry as usdrecord's does.
@@ -56,7 +56,23 @@ def read_camera(
         camera = replace(camera, lens_radius=radius, focus_distance=focus, exposure=_exposure(prim, reading))
         planes = clipping_planes(prim, camera, geometry, light_boxes(lights), reading)
         camera = replace(camera, clipping_planes=planes)
-    return camera, resolution
+    if settings.data_window == WHOLE:
+        return camera, resolution
+    return cropped(camera, resolution, settings)
+
+
+def cropped(camera: Camera, resolution: tuple[int, int], settings: Settings) -> tuple[Camera, tuple[int, int]]:
+    """The camera and resolution of the data window: the pixels whose centres it contains, one at least."""
+    (width, height), (x0, y0, x1, y1) = resolution, settings.data_window
+    left, right, bottom, top = camera.window
+    first_column, end_column = math.ceil(x0 * width - 0.5), math.ceil(x1 * width - 0.5)
+    first_row, end_row = math.ceil(y0 * height - 0.5), math.ceil(y1 * height - 0.5)  # from the bottom
+    end_column, end_row = max(end_column, first_column + 1), max(end_row, first_row + 1)
+    across, up = (right - left) / width, (top - bottom) / height
+    horizontal = (left + first_column * across, left + end_column * across)
+    vertical = (bottom + first_row * up, bottom + end_row * up)
+    size = (end_column - first_column, end_row - first_row)
+    return replace(camera, window=(*horizontal, *vertical)), size
 
 
 def camera_prims(stage: Any) -> list[Any]:
