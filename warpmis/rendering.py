@@ -35,6 +35,7 @@ def render(
     camera: str | None = None,
     purposes: tuple[str, ...] | None = None,
     render_settings: str | None = None,
+    product: str | None = None,
     time: float | None = None,
     complexity: str = "high",
     variants: Sequence[str] = (),
@@ -50,8 +51,8 @@ def render(
         stage: path of a USD file, a Usd.Stage, or a Scene.
         config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
             initial_allocation, keep_maps) one by one.
-        camera, purposes, render_settings, time, complexity, variants, mask, session_layer: what to read of the stage,
-            as in load_stage; a Scene has been read already.
+        camera, purposes, render_settings, product, time, complexity, variants, mask, session_layer: what to read of the
+            stage, as in load_stage; a Scene has been read already.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
 
@@ -73,6 +74,7 @@ def render(
             camera=camera,
             purposes=purposes,
             render_settings=render_settings,
+            product=product,
             time=time,
             complexity=complexity,
             variants=variants,

@@ -5,18 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
 from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
-from warpmis.cli.frames import frame_list, numbered
+from warpmis.cli.frames import frame_list
+from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
-from warpmis.errors import ConfigError, Interrupted
+from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 
 if TYPE_CHECKING:
@@ -117,6 +115,10 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to write")
     group.add_argument("--png", metavar="FILE.png", help="also write the image as a PNG, to look at")
     group.add_argument(
+        "--products", metavar="DIR",
+        help="instead of OUT: write every RenderProduct of the RenderSettings, by its productName, into this folder",
+    )  # fmt: skip
+    group.add_argument(
         "--color-correction-mode", "--colorCorrectionMode", "-color", choices=COLOR_CORRECTIONS, default="sRGB",
         help="how --png encodes: sRGB, or disabled for linear values (%(default)s)",
     )  # fmt: skip
@@ -201,61 +203,12 @@ def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
     )
 
 
-def _targets(arguments: argparse.Namespace) -> dict[str, str]:
-    """The files to write, by what they are; of a sequence the names with a place for the frame."""
-    frames = arguments.frames is not None
-    out = arguments.out or f"{Path(arguments.stage).stem}{'.####' if frames else ''}.exr"
-    targets = given(output=out, png=arguments.png, balance_map=arguments.balance_map)
-    for kind, path in targets.items():
-        suffix = ".exr" if kind == "output" else ".png"
-        if Path(path).suffix.lower() != suffix:
-            remedy = "; use --png for a picture" if kind == "output" else ""
-            raise ConfigError(f"{path}: the file's name must end in {suffix}{remedy}")
-    if len({os.path.realpath(path) for path in targets.values()}) < len(targets):
-        raise ConfigError("--png and --balance-map name the same file; name two")
-    return {**targets, **given(round_maps=arguments.round_maps)}
-
-
-def _jobs(arguments: argparse.Namespace) -> list[Job]:
-    """The pictures to render, with files every one of which can be written."""
-    from warpmis.output.atomic import check_target
-
-    targets = _targets(arguments)
-    jobs = [Job(targets)]
-    if arguments.frames is not None:
-        if arguments.time is not None:
-            raise ConfigError("--frames lists time codes, --time is one; give one of the two")
-        names = {kind: numbered(path, arguments.frames) for kind, path in targets.items()}
-        total = len(arguments.frames)
-        jobs = [
-            Job(
-                {kind: names[kind][index] for kind in targets},
-                {"time": frame},
-                f"frame {frame:g} ({index + 1}/{total})" if total > 1 else f"frame {frame:g}",
-            )
-            for index, frame in enumerate(arguments.frames)
-        ]
-    for job in jobs:
-        for kind, path in job.targets.items():
-            check_target(f"{path}/round.png" if kind == "round_maps" else path)
-    return jobs
-
-
 # ---- the command ------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Job:
-    """One picture: the files to write, what of the stage it takes beside the arguments, and what to call it."""
-
-    targets: dict[str, str]
-    options: dict[str, Any] = field(default_factory=dict)
-    label: str = ""
 
 
 def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
-    jobs = _jobs(arguments)
+    jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
     said: set[str] = set()
     reports: list[dict[str, Any]] = []
@@ -267,7 +220,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise
     finally:
         if arguments.json and reports:
-            print(json.dumps(plain({"frames": reports} if arguments.frames else reports[0]), allow_nan=False))
+            many = "products" if arguments.products else "frames" if arguments.frames else None
+            print(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
 
 
 def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said: set[str]) -> dict[str, Any]:
@@ -283,8 +237,8 @@ def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said:
 
 def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said: set[str]) -> dict[str, Any]:
     """Write a picture's files, say what has not been `said` of an earlier one, and return its part of --json."""
-    _write(result, job.targets, srgb=arguments.color_correction_mode == "sRGB")
-    warnings, notes = _distinct(result.warnings), _distinct(result.notes)
+    _write(result, job, srgb=arguments.color_correction_mode == "sRGB")
+    warnings, notes = _distinct((*job.warnings, *result.warnings)), _distinct(result.notes)
     if not arguments.quiet:
         for line in (*(f"warning: {line}" for line in warnings), *(f"note: {line}" for line in notes)):
             if line not in said:
@@ -303,11 +257,15 @@ def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said:
     }
 
 
-def _write(result: RenderResult, targets: Mapping[str, str], *, srgb: bool) -> None:
+def _write(result: RenderResult, job: Job, *, srgb: bool) -> None:
     from warpmis.output.balance_map import balance_map, with_legend
     from warpmis.output.png import write_display_png, write_png
 
-    result.write(targets["output"])
+    targets = job.targets
+    if targets["output"].lower().endswith(".png"):  # a product's
+        write_png(targets["output"], result.image, srgb=srgb)
+    else:
+        result.write(targets["output"], job.channels)
     if "png" in targets:
         write_png(targets["png"], result.image, srgb=srgb)
     if "balance_map" in targets:

@@ -47,6 +47,7 @@ def load_stage(
     width: int | None = None,
     purposes: tuple[str, ...] | None = None,
     render_settings: str | None = None,
+    product: str | None = None,
     complexity: str = "high",
     variants: Sequence[str] = (),
     mask: Sequence[str] = (),
@@ -66,6 +67,7 @@ def load_stage(
         purposes: purposes to render besides "default", of "render", "proxy" and "guide"; None takes the
             RenderSettings', or "render".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
+        product: path of the RenderProduct whose camera, resolution and the like go before the RenderSettings'.
         complexity: how often subdivision surfaces are refined: "low" not at all, "medium" once, "high" twice,
             "veryhigh" three times.
         variants: selections to make, such as "/World/Car{paint=red}", in order.
@@ -95,7 +97,7 @@ def load_stage(
         composition_warnings(reading)
         if has_skeletons(stage):
             bake_skinning(reading)
-        settings = read_settings(reading, render_settings)
+        settings = read_settings(reading, render_settings, product)
         if purposes is None and settings.purposes is not None:
             reading = replace(reading, purposes=frozenset({"default", *settings.purposes}))
         scene = _read_scene(reading, settings, camera, width)
