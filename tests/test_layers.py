@@ -32,7 +32,7 @@ ALLOWED: dict[str, set[str]] = {
     "device": {"scene", "texture", "features", "film", "errors"},
     "kernels": {"features", "device.views"},
     "learn": {"config", "methods", "device.views", "features", "kernels", "errors"},
-    "integrator": {"config", "device", "errors", "features", "film", "kernels", "learn"},
+    "integrator": {"config", "device", "errors", "features", "film", "kernels", "learn", "metrics"},
     "output": {"film", "errors"},
     "result": {"output", "film", "errors", "metrics", ""},
     "rendering": {

@@ -58,7 +58,8 @@ class Features:
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
         """Every effect on: the universal kernel."""
-        return replace(cls(strategies=strategies), **{f.name: True for f in fields(cls) if f.type == "bool"})
+        effects = {f.name: True for f in fields(cls) if f.type == "bool"}
+        return cls(strategies=strategies, **effects)  # type: ignore[arg-type]  # mypy takes any field for any key
 
     def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
         return replace(self, strategies=strategies, statistics=statistics)

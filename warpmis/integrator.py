@@ -19,9 +19,10 @@ from warpmis.device.upload import DeviceScene
 from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
-from warpmis.learn.certificate import excess_variance_bound, relative_sum
+from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
 from warpmis.learn.schedule import Round
+from warpmis.metrics import squared_scale
 
 # Pixel samples of one launch: some tens of milliseconds on a CPU thread, so that progress moves and threads share.
 CPU_LAUNCH = 1 << 15
@@ -162,9 +163,10 @@ class Integrator:
         if self.learner.layout.size == 0 or not samples.any():
             return {}
         excess = excess_variance_bound(self.learner.moments.numpy(), self.allocation.numpy(), samples)
-        return {
-            "excess_variance_bound": relative_sum(excess, image) / max(relative_sum(variance.ravel(), image), 1e-30)
-        }
+        excess = np.minimum(excess.reshape(variance.shape), variance)  # none can save more than there is
+        scale = np.maximum(squared_scale(image), 1e-30)
+        whole = float((variance / scale).sum())
+        return {"excess_variance_bound": float((excess / scale).sum()) / max(whole, 1e-30)}
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""

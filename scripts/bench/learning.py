@@ -16,16 +16,10 @@ from pathlib import Path
 import numpy as np
 
 import warpmis
+from warpmis.metrics import relative_mse
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SCHEDULES = ((1, 0.25), (1, 0.5), (2, 0.5), (4, 0.5), (8, 0.5))
-
-
-def relative_error(image: np.ndarray, reference: np.ndarray) -> float:
-    """relMSE without the worst 0.5 % of the pixels, which single paths decide."""
-    error = (image @ LUMINANCE - reference) ** 2 / (reference**2 + 1e-3 * reference.mean() ** 2)
-    return float(np.sort(error.ravel())[: int(0.995 * error.size)].mean())
 
 
 def main() -> None:
@@ -36,10 +30,10 @@ def main() -> None:
     arguments = parser.parse_args()
     for name in arguments.scenes:
         scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=arguments.width)
-        reference = warpmis.render(scene, method="balance", spp=32768, seed=99).image @ LUMINANCE
+        reference = warpmis.render(scene, method="balance", spp=32768, seed=99).image
 
         def error(seed: int, scene: warpmis.Scene = scene, reference: np.ndarray = reference, **settings) -> float:
-            return relative_error(warpmis.render(scene, seed=seed, **settings).image, reference)
+            return relative_mse(warpmis.render(scene, seed=seed, **settings).image, reference)
 
         for spp in (64, 256, 1024):
             plain = [error(seed, method="balance", spp=spp) for seed in range(arguments.seeds)]

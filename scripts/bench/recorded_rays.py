@@ -99,23 +99,28 @@ def recording_kernel(features: Features) -> wp.Kernel:
             key.sample = wp.uint32(k)
             u = rng.uniform4(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u[0], u[1])
-            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), u[2], max_depth)
+            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), 0.0, max_depth)
 
     return run
 
 
-@wp.kernel(enable_backward=False)
-def bare_queries(
-    mesh: wp.uint64,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    lengths: wp.array(dtype=float),
-    hits: wp.array(dtype=float),
-):
-    """The closest surface for a path's ray, any surface for a shadow ray: what the trace kernel asks Warp for."""
-    i = wp.tid()
-    if lengths[i] < 1.0e29:
-        hits[i] = wp.where(wp.mesh_query_ray_anyhit(mesh, origins[i], directions[i], lengths[i]), 1.0, 0.0)
-    else:
-        query = wp.mesh_query_ray(mesh, origins[i], directions[i], 1.0e30)
-        hits[i] = query.t
+def make_bare_queries(cpu_flags: str | None) -> wp.Kernel:
+    """The kernel that asks the mesh and does nothing else, compiled with flags for the CPU, or None for Warp's own."""
+
+    @wp.kernel(module="unique", module_options={"cpu_compiler_flags": cpu_flags}, enable_backward=False)
+    def bare_queries(
+        mesh: wp.uint64,
+        origins: wp.array(dtype=wp.vec3),
+        directions: wp.array(dtype=wp.vec3),
+        lengths: wp.array(dtype=float),
+        hits: wp.array(dtype=float),
+    ):
+        """The closest surface for a path's ray, any surface for a shadow ray: what the trace kernel asks Warp for."""
+        i = wp.tid()
+        if lengths[i] < 1.0e29:
+            hits[i] = wp.where(wp.mesh_query_ray_anyhit(mesh, origins[i], directions[i], lengths[i]), 1.0, 0.0)
+        else:
+            query = wp.mesh_query_ray(mesh, origins[i], directions[i], 1.0e30)
+            hits[i] = query.t
+
+    return bare_queries

@@ -4,6 +4,7 @@
 
 threads    samples per second with two threads over one
 roofline   the trace kernel's rays per second over a bare kernel's on the same rays, one thread each
+same flags the same, the bare kernel too compiled with the trace kernel's flags
 learning   time of moments, solver and launches over the whole run's, on identical paths
 start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
            kernel cache
@@ -26,13 +27,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import warp as wp
-from recorded_rays import bare_queries, record_rays
+from recorded_rays import make_bare_queries, record_rays
 
 import warpmis
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.upload import upload
 from warpmis.features import detect
 from warpmis.integrator import Integrator, allocation_of
+from warpmis.kernels.trace import CPU_FLAGS
 from warpmis.learn.schedule import Round
 from warpmis.scene import DomeLight
 
@@ -79,7 +81,7 @@ def threads(scene: warpmis.Scene, repeats: int) -> Figure:
     return figure(interleaved(lambda: run(1), lambda: run(2), repeats))
 
 
-def roofline(scene: warpmis.Scene, repeats: int) -> Figure:
+def roofline(scene: warpmis.Scene, repeats: int, cpu_flags: str | None) -> Figure:
     samples = 16
     capacity = scene.resolution[0] * scene.resolution[1] * samples * 20
     rays = record_rays(scene, samples, max_depth=8, capacity=capacity)
@@ -87,6 +89,8 @@ def roofline(scene: warpmis.Scene, repeats: int) -> Figure:
     columns = [wp.array(rays.origins, dtype=wp.vec3), wp.array(rays.directions, dtype=wp.vec3), wp.array(rays.lengths)]
     hits = wp.zeros(len(rays.lengths), dtype=float)
     run = integrator(scene, RenderConfig(method="nee", threads=1))
+
+    bare_queries = make_bare_queries(cpu_flags)
 
     def bare() -> float:
         inputs = [uploaded.view.mesh, *columns, hits]
@@ -148,7 +152,8 @@ def main() -> None:
         scene = warpmis.load_stage(stage, width=arguments.width)
         report[name] = {"threads": threads(scene, arguments.repeats)}
         if not any(isinstance(light, DomeLight) for light in scene.lights):
-            report[name]["roofline"] = roofline(scene, arguments.repeats)
+            report[name]["roofline"] = roofline(scene, arguments.repeats, None)
+            report[name]["same flags"] = roofline(scene, arguments.repeats, CPU_FLAGS)
         report[name]["learning"] = learning(scene, arguments.repeats)
         report[name]["start"] = start(stage)
         for label, values in report[name].items():

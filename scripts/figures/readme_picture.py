@@ -31,7 +31,7 @@ def column(name: str, height: int, spp: int) -> np.ndarray:
     exposure, times = SCENES[name]
     scene = warpmis.load_stage(USD_SCENES / name / "scene.usda")
     width = round(height * scene.resolution[0] / scene.resolution[1])
-    result = warpmis.render(scene, width=width, spp=spp * times)
+    result = warpmis.render(scene, width=width, spp=spp * times, method="murray20")
     picture = to_display(result.image, exposure)[:height]
     learned = balance_map(result.allocation, result.strategies)[:height]
     gap = np.full((GAP, width, 3), 255, dtype=np.uint8)

@@ -41,7 +41,7 @@ from warpmis.kernels.frame import luminance
 wp.set_module_options({"enable_backward": False})
 
 # Cost of a shadow ray, in units of a path's ray with the vertex at its end: fitted by scripts/bench/cost.py.
-SHADOW_RAY_COST = wp.constant(0.6)
+SHADOW_RAY_COST = wp.constant(0.5)
 
 # Shares of the first of two strategies that are held against each other.
 CANDIDATES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)

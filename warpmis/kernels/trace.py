@@ -17,6 +17,16 @@ LEARN_NOTHING = wp.constant(0)
 LEARN_ALL = wp.constant(1)
 LEARN_DIRECT = wp.constant(2)
 
+# On a CPU the minima and maxima of the tree's traversal are an instruction each, instead of several, where NaN need not
+# be kept: a fifth of the whole time. What does become NaN is told by its bits, which the compiler leaves alone.
+CPU_FLAGS = f"{wp.config.cpu_compiler_flags} -menable-no-nans"
+
+
+@wp.func
+def is_finite(value: float) -> bool:
+    """Whether the exponent's bits are not all ones."""
+    return wp.cast(value, wp.uint32) << wp.uint32(1) < wp.uint32(0xFF000000)
+
 
 @wp.func
 def merged(luminance: wp.vec2d, count: int, sums: wp.vec2d, more: int) -> wp.vec2d:
@@ -47,7 +57,7 @@ def make_trace(features: Features) -> wp.Kernel:
     learns = layout.size > 0
     vec_k = moments.vec_k
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
     def trace(
         scene: SceneView,
         camera: CameraView,
@@ -91,10 +101,10 @@ def make_trace(features: Features) -> wp.Kernel:
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
-            y = wp.float64(luminance(radiance))
-            if not wp.isfinite(y):
+            if not is_finite(luminance(radiance)):
                 rejected += 1
                 continue
+            y = wp.float64(luminance(radiance))
             color += wp.vec3d(radiance)
             lum += wp.vec2d(y, y * y)
             albedo += wp.vec3d(sample.albedo)

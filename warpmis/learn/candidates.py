@@ -25,17 +25,15 @@ import warp as wp
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 
 # Cost of a path whose first direction the lights drew, in units of one that the BSDF drew: scripts/bench/cost.py.
-LIGHT_COST = 0.85
-
-# A mixture must promise this much less than next-event estimation: the least of nine noisy estimates is too low.
-MARGIN = 0.05
+LIGHT_COST = 0.6
 
 
 @cache
 def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
-    """Solver kernel for two strategies: (first, relative moments, cost weight) -> allocation, (V, cost) of the chosen.
+    """Solver kernel for two strategies: (first, relative moments, cost weight, margin) -> allocation, (V, cost).
 
-    The first strategy is the BSDF if the samples come in pairs.
+    V and cost are the chosen candidate's. A mixture must be better than next-event estimation by `margin`. The first
+    strategy is the BSDF if the samples come in pairs.
     """
     vec_k = layout.vec
     vec_s = wp.types.vector(length=2, dtype=wp.float32)
@@ -72,6 +70,7 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
         first: int,
         moments: wp.array(dtype=vec_k),
         cost_weight: wp.float64,
+        margin: wp.float64,
         allocation: wp.array(dtype=vec_s),
         efficiency: wp.array(dtype=wp.vec2d),
     ):
@@ -96,7 +95,7 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
         if wp.static(pair >= 0):
             spent = known[wp.static(pair + 4)]
             variance = variance_of_next_event(known)
-            if (variance + cost_weight * spent) * wp.float64(wp.static(1.0 - MARGIN)) < best:
+            if (variance + cost_weight * spent) * (wp.float64(1.0) - margin) < best:
                 chosen = vec_s(0.0, 0.0)
                 of_chosen = wp.vec2d(variance, spent)
         allocation[pixel] = chosen

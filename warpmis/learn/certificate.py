@@ -11,11 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-
-# Share of the picture's mean brightness below which a pixel counts as that bright.
-DARK = 0.1
-
 
 def excess_variance_bound(
     moments: NDArray[np.float64], allocation: NDArray[np.float32], samples: NDArray[np.int64]
@@ -31,17 +26,3 @@ def excess_variance_bound(
     first = moments[:, :count] / np.maximum(samples, 1)[:, None]
     second_moment = np.einsum("ps,ps->p", first, allocation)
     return np.maximum(first.max(axis=1) - second_moment, 0.0)
-
-
-def relative_sum(variance: NDArray[np.floating], image: NDArray[np.float32]) -> float:
-    """Sum over the pixels of variance over squared brightness; what is far darker than the picture counts less.
-
-    Args:
-        variance: of the luminance, shape (pixels,).
-        image: linear Rec.709, shape (H, W, 3).
-    """
-    luminance = image.reshape(-1, 3) @ LUMINANCE
-    floor = DARK * float(luminance.mean())
-    weight = np.maximum(luminance, floor) ** 2
-    known = weight > 0.0
-    return float((variance[known] / weight[known]).sum())

@@ -27,6 +27,9 @@ TRUSTED = 0.95
 # Fixed-point steps of that weight.
 COST_STEPS = 3
 
+# The least of several noisy estimates is too low, by about this over the root of the samples per pixel.
+NOISE = 0.3
+
 
 class Learner:
     """One render's learning.
@@ -78,20 +81,21 @@ class Learner:
         if self.method.solver == "newton_simplex":
             launch(self.kernels[0], [self.pooled, allocation, self.min_share])
         elif self.method.solver == "candidates":
-            self._choose(allocation, launch)
+            self._choose(allocation, film, launch)
         elif self.method.solver == "expectation":
             launch(self.kernels[0], [self.moments, allocation, self.min_share])
         else:
             launch(self.kernels[0], [self.moments, allocation, self.method.min_share, self.method.max_share])
 
-    def _choose(self, allocation: wp.array, launch: Launch) -> None:
+    def _choose(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
         """Least variance; where cost counts, least product of the picture's variance and cost, by fixed point.
 
         All pixels take the same number of samples, so it is the product of the sums that is to be small: its derivative
         weighs cost by their quotient. Time saved where there is little noise is as good as any.
         """
+        margin = NOISE / float(np.sqrt(max(int(film.accepted.numpy().max()), 1)))
         weight = 0.0
-        launch(self.kernels[0], [self.pooled, weight, allocation, self.efficiency])
+        launch(self.kernels[0], [self.pooled, weight, margin, allocation, self.efficiency])
         for _ in range(COST_STEPS if self.method.cost_aware else 0):
             variance, cost = self.efficiency.numpy().T
             lit = np.isfinite(variance) & (variance > 0.0)
@@ -99,7 +103,7 @@ class Learner:
                 return
             trusted = variance[lit] <= np.quantile(variance[lit], TRUSTED)
             weight = float(variance[lit][trusted].sum() / cost[lit][trusted].sum())
-            launch(self.kernels[0], [self.pooled, weight, allocation, self.efficiency])
+            launch(self.kernels[0], [self.pooled, weight, margin, allocation, self.efficiency])
 
     def _pool(self, film: FilmView, launch: Launch) -> None:
         scale, pool = self.kernels[1:]

@@ -1,0 +1,140 @@
+"""Every method on every scene, at equal samples:
+
+    python scripts/bench/methods.py [SCENE ...] [--budget 64] [--seeds 5] [--json FILE]
+
+A budget of 64 samples per pixel takes each method as it comes. One of 2304 takes rounds of 256 samples, as Murray et
+al. (2020) do, 1 and 8 of them. All figures are relative to `balance` in the same run, medians over the seeds:
+
+variance    relMSE of the picture, learning samples included (warpmis/metrics.py), the reference's own noise taken off
+time        seconds of tracing and learning on one thread
+efficiency  1 / (variance x time), with the smallest and the largest of the seeds' quotients
+
+The methods take turns seed by seed, so that a change of the machine's speed falls on all of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import warpmis
+from warpmis.config import STRATEGIES
+from warpmis.methods import METHODS
+from warpmis.metrics import estimated_relative_error, relative_mse
+
+USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
+SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")
+LEARN_SPP = 256
+ROUNDS = (1, 8)
+BASELINE = "balance"
+STRATEGY_SETS = {
+    "murray20": (("bsdf", "light"), ("bsdf", "light", "uniform"), ("bsdf", "light", "cosine")),
+    "pooled": (("bsdf", "light"), ("bsdf", "light", "uniform"), ("diffuse", "specular", "light"), STRATEGIES),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    label: str
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+def variants(budget: int) -> Iterator[Variant]:
+    """All methods, those that take more with several sets of strategies; for a large budget with 1 and 8 rounds."""
+    yield Variant("balance, random choice", {"method": "balance", "strategy_choice": "random"})
+    for name, method in METHODS.items():
+        if name == "fixed":
+            continue
+        for strategies in STRATEGY_SETS.get(name, (("bsdf", "light"),)):
+            label = name
+            if name in STRATEGY_SETS:
+                label += " all eight" if strategies == STRATEGIES else " " + ",".join(strategies)
+            settings = {"method": name, "strategies": strategies}
+            if not method.learns or budget < LEARN_SPP * (1 + max(ROUNDS)):
+                yield Variant(label, settings)
+                continue
+            for rounds in ROUNDS if method.rounds is None else (method.rounds,):
+                yield Variant(f"{label} {rounds} x", {**settings, "learn_rounds": rounds, "learn_spp": LEARN_SPP})
+
+
+@dataclass
+class Runs:
+    variance: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+    bound: list[float] = field(default_factory=list)
+
+
+def measure(scene: warpmis.Scene, budget: int, seeds: int, reference_spp: int) -> dict[str, Runs]:
+    reference = warpmis.render(scene, method="auto", spp=reference_spp, seed=10_000)
+    noise = estimated_relative_error(reference.image, reference.variance / reference.samples) ** 2
+    runs = {variant.label: Runs() for variant in variants(budget)}
+    for variant in variants(budget):  # compiles
+        warpmis.render(scene, spp=budget, threads=2, **variant.settings)
+    for seed in range(seeds):
+        for variant in variants(budget):
+            result = warpmis.render(scene, spp=budget, seed=seed, threads=1, **variant.settings)
+            spent = result.stats["seconds"]
+            own = runs[variant.label]
+            own.variance.append(max(relative_mse(result.image, reference.image) - noise, 1e-9))
+            own.seconds.append(spent["learn"] + spent["render"])
+            own.bound.append(result.stats.get("excess_variance_bound", float("nan")))
+    return runs
+
+
+def table(runs: dict[str, Runs]) -> list[dict[str, Any]]:
+    base = runs[BASELINE]
+    rows = []
+    for label, own in runs.items():
+        efficiency = [
+            base_v * base_t / (v * t)
+            for base_v, base_t, v, t in zip(base.variance, base.seconds, own.variance, own.seconds, strict=True)
+        ]
+        variance = statistics.median(own.variance) / statistics.median(base.variance)
+        seconds = statistics.median(own.seconds) / statistics.median(base.seconds)
+        rows.append(
+            {
+                "method": label,
+                "variance": variance,
+                "time": seconds,
+                "efficiency": 1.0 / (variance * seconds),
+                "least": min(efficiency),
+                "most": max(efficiency),
+                "excess": statistics.median(own.bound),
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", default=SCENES)
+    parser.add_argument("--budget", type=int, default=64, help="samples per pixel in all")
+    parser.add_argument("--width", type=int, default=48)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--reference-spp", type=int, default=16384)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    report = {}
+    for name in arguments.scenes:
+        start = time.perf_counter()
+        scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=arguments.width)
+        rows = table(measure(scene, arguments.budget, arguments.seeds, arguments.reference_spp))
+        report[name] = rows
+        print(f"\n{name}, {arguments.budget} samples per pixel ({time.perf_counter() - start:.0f} s)")
+        print("| method | variance | time | efficiency | of the seeds |\n|---|---|---|---|---|")
+        for row in rows:
+            spread = f"{row['least']:.2f} to {row['most']:.2f}"
+            figures = f"{row['variance']:.2f} | {row['time']:.2f} | {row['efficiency']:.2f} | {spread}"
+            print(f"| {row['method']} | {figures} |", flush=True)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,33 @@
+"""Samples that are not finite are left out, counted, and leave no trace in the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+import warpmis
+from warpmis.scene import RectLight, Scene
+
+
+def glowing(radiance: float) -> Scene:
+    """The room with a panel before its back wall that shines like `radiance` into the lower half of the picture."""
+    panel = RectLight(
+        "/panel", np.array([0, 0.3, -0.9]), np.array([-1.0, 0, 0]), np.array([0, 0.5, 0]), np.full(3, radiance)
+    )
+    return replace(scenes.room(), lights=(panel,))
+
+
+@pytest.mark.parametrize("radiance", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("method", ["nee", "balance", "murray20", "auto"])
+def test_bad_samples_are_counted_and_leave_no_trace(radiance: float, method: str) -> None:
+    result = warpmis.render(glowing(radiance), method=method, spp=32, max_depth=2)
+    assert result.stats["rejected_samples"] > 0.2 * result.stats["samples"]
+    for picture in result.channels().values():
+        assert np.isfinite(picture).all()
+
+
+def test_good_scenes_reject_nothing() -> None:
+    assert warpmis.render(glowing(5.0), spp=32).stats["rejected_samples"] == 0
