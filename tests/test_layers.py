@@ -35,8 +35,10 @@ ALLOWED: dict[str, set[str]] = {
     "integrator": {"config", "device", "errors", "features", "film", "kernels", "learn", "metrics"},
     "output": {"film", "errors"},
     "result": {"output", "film", "errors", "metrics", ""},
+    "motion": {"config", "errors", "result"},
     "rendering": {
-        "config", "device", "errors", "features", "film", "integrator", "learn", "progress", "result", "scene", "usd",
+        "config", "device", "errors", "features", "film", "integrator", "learn", "motion", "progress", "result",
+        "scene", "usd",
     },
     "compare": {"config", "methods", "errors", "metrics", "output", "progress", ""},
     "cli": {

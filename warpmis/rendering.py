@@ -18,6 +18,7 @@ from warpmis.errors import Interrupted
 from warpmis.features import Features, detect
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import schedule
+from warpmis.motion import averaged, divided, shutter_times
 from warpmis.progress import Progress
 from warpmis.result import RenderResult
 from warpmis.scene import Scene
@@ -36,6 +37,7 @@ def render(
     purposes: tuple[str, ...] | None = None,
     render_settings: str | None = None,
     product: str | None = None,
+    shutter_samples: int = 1,
     time: float | None = None,
     complexity: str = "high",
     variants: Sequence[str] = (),
@@ -53,6 +55,7 @@ def render(
             initial_allocation, keep_maps) one by one.
         camera, purposes, render_settings, product, time, complexity, variants, mask, session_layer: what to read of the
             stage, as in load_stage; a Scene has been read already.
+        shutter_samples: at how many times within the camera's shutter interval the stage is read, for motion blur.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
 
@@ -64,26 +67,62 @@ def render(
     if config is not None and settings:
         raise TypeError(f"render() takes either a config or single settings, got both: {', '.join(sorted(settings))}")
     config = config or config_from(settings)
-    reporter = Reporter(progress)
-    reporter.phase("load")
-    scene = stage
-    if not isinstance(stage, Scene):
-        scene = load(
+    if isinstance(stage, Scene):
+        return render_scene(resized(stage, config.width), config, features, Reporter(progress))
+
+    def scene_at(code: float | None) -> Scene:
+        return load(
             stage,
             width=config.width,
             camera=camera,
             purposes=purposes,
             render_settings=render_settings,
             product=product,
-            time=time,
+            time=code,
             complexity=complexity,
             variants=variants,
             mask=mask,
             session_layer=session_layer,
         )
-    else:
-        scene = resized(scene, config.width)
+
+    reporter = Reporter(progress)
+    reporter.phase("load")
+    scene = scene_at(time)
+    opens, closes = scene.camera.shutter
+    if shutter_samples > 1 and opens < closes:
+        return render_shutter(scene, scene_at, config, features, progress, shutter_samples)
+    if opens < closes:
+        note = "the camera's shutter stays open, but there is one time in it alone: ask for more shutter samples"
+        scene = dataclasses.replace(scene, notes=(*scene.notes, note))
     return render_scene(scene, config, features, reporter)
+
+
+def render_shutter(
+    scene: Scene,
+    scene_at: Callable[[float], Scene],
+    config: RenderConfig,
+    features: Features | None,
+    progress: ProgressCallback | None,
+    count: int,
+) -> RenderResult:
+    """The mean of renders at `count` times within the shutter's interval; each reads the whole stage again."""
+    results: list[RenderResult] = []
+    codes = shutter_times(scene.time, scene.camera.shutter, count)
+    for code, part in zip(codes, divided(config, count), strict=True):
+        reporter = Reporter(progress)
+        try:
+            reporter.phase("load", f"time {code:g}")
+            results.append(render_scene(scene_at(code), part, features, reporter))
+        except KeyboardInterrupt as stop:
+            results += [stop.result] if isinstance(stop, Interrupted) else []
+            if not results:
+                raise
+            note = (
+                f"interrupted at time {code:g}: {len(results)} of {count} times within the shutter are in the picture"
+            )
+            result = averaged(results, config)
+            raise Interrupted(dataclasses.replace(result, notes=(*result.notes, note))) from None
+    return averaged(results, config)
 
 
 def config_from(settings: dict[str, Any]) -> RenderConfig:

@@ -234,6 +234,7 @@ class Camera:
         lens_radius: of a thin lens, perspective alone; 0 is a pinhole [scene units].
         focus_distance: along `forward`, above 0 where there is a lens [scene units].
         exposure: factor on the picture.
+        shutter: when it opens and closes, relative to Scene.time [time codes]; both equal without motion blur.
         clipping_planes: rows (n, d), world space; the camera sees a point p where n . (p - position) + d >= 0
             for all of them, light goes everywhere, shape (n, 4) float64.
     """
@@ -248,6 +249,7 @@ class Camera:
     lens_radius: float = 0.0
     focus_distance: float = 0.0
     exposure: float = 1.0
+    shutter: tuple[float, float] = (0.0, 0.0)
     clipping_planes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
 
 
@@ -260,6 +262,7 @@ class Scene:
     Attributes:
         name: the stage's file name or identifier.
         resolution: (width, height) [pixel].
+        time: of the stage [time code].
         warnings: what was found but not honoured, a line each, with the prim path.
         notes: what was supplied because the stage has none (camera, light), a line each.
     """
@@ -271,5 +274,6 @@ class Scene:
     materials: tuple[Material, ...]
     prims: tuple[Prim, ...]
     lights: tuple[Light, ...]
+    time: float = 0.0
     warnings: tuple[str, ...] = field(default=())
     notes: tuple[str, ...] = field(default=())

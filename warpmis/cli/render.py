@@ -99,6 +99,9 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
     )
+    group.add_argument(
+        "--shutter-samples", type=_positive, metavar="N", help="times within the shutter, for motion blur (1: none)"
+    )
     group.add_argument("--seed", type=int, metavar="N", help=f"the same seed gives the same image ({default.seed})")
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
     group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
@@ -130,6 +133,12 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
+    return int(text)
 
 
 def _time_code(text: str) -> float:
@@ -227,7 +236,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said: set[str]) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
-        options = {**stage_options(arguments), **job.options}
+        options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
         result = warpmis.render(arguments.stage, config=config, progress=show, **options)
     report = _finish(result, job, arguments, said)
     if not arguments.quiet:

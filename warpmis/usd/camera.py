@@ -54,6 +54,7 @@ def read_camera(
     if prim is not None:
         radius, focus = _thin_lens(gf_camera, path, settings, reading)
         camera = replace(camera, lens_radius=radius, focus_distance=focus, exposure=_exposure(prim, reading))
+        camera = replace(camera, shutter=_shutter(prim, settings, reading))
         planes = clipping_planes(prim, camera, geometry, light_boxes(lights), reading)
         camera = replace(camera, clipping_planes=planes)
     if settings.data_window == WHOLE:
@@ -146,6 +147,16 @@ def _thin_lens(gf_camera: Any, path: str, settings: Settings, reading: Reading) 
         reading.warn(path, "fStop and focusDistance must be above 0 for depth of field; everything is in focus")
         return 0.0, 0.0
     return radius, gf_camera.focusDistance
+
+
+def _shutter(prim: Any, settings: Settings, reading: Reading) -> tuple[float, float]:
+    opens, closes = (reading.number(prim, f"shutter:{name}", 0.0) for name in ("open", "close"))
+    if settings.disable_motion_blur or opens == closes:
+        return 0.0, 0.0
+    if not (math.isfinite(opens) and math.isfinite(closes) and opens < closes):
+        reading.warn(prim.GetPath(), f"shutter:open {opens:g} is not before shutter:close {closes:g}; no motion blur")
+        return 0.0, 0.0
+    return opens, closes
 
 
 def _exposure(prim: Any, reading: Reading) -> float:

@@ -38,6 +38,7 @@ class Settings:
             upper right one.
         purposes: of prims to render, or None.
         disable_depth_of_field: whether every camera is a pinhole.
+        disable_motion_blur: whether every camera's shutter is shut at once.
         material_purposes: purposes of material bindings, the first that a prim has counts; "" is for all purposes.
     """
 
@@ -49,6 +50,7 @@ class Settings:
     data_window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     purposes: tuple[str, ...] | None = None
     disable_depth_of_field: bool = False
+    disable_motion_blur: bool = False
     material_purposes: tuple[str, ...] = ("full", "")
 
 
@@ -103,7 +105,8 @@ def _read_base(prim: Any, below: Settings, reading: Reading) -> Settings:
         "pixel_aspect_ratio": (prim.GetPixelAspectRatioAttr(), _pixel_aspect_ratio),
         "conform_policy": (prim.GetAspectRatioConformPolicyAttr(), _conform_policy),
         "data_window": (prim.GetDataWindowNDCAttr(), _data_window),
-        "disable_depth_of_field": (prim.GetDisableDepthOfFieldAttr(), _switch),
+        "disable_depth_of_field": (prim.GetDisableDepthOfFieldAttr(), _no_depth_of_field),
+        "disable_motion_blur": (prim.GetDisableMotionBlurAttr(), _no_motion_blur),
     }
     for name, (attribute, read) in readers.items():
         if attribute.HasAuthoredValue():
@@ -111,8 +114,12 @@ def _read_base(prim: Any, below: Settings, reading: Reading) -> Settings:
     return replace(below, **authored)
 
 
-def _switch(prim: Any, reading: Reading) -> bool:
+def _no_depth_of_field(prim: Any, reading: Reading) -> bool:
     return bool(reading.get(prim.GetDisableDepthOfFieldAttr(), False))
+
+
+def _no_motion_blur(prim: Any, reading: Reading) -> bool:
+    return bool(reading.get(prim.GetDisableMotionBlurAttr(), False))
 
 
 def _pixel_aspect_ratio(prim: Any, reading: Reading) -> float:

@@ -131,6 +131,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
         materials=materials,
         prims=tuple(contents.geometry.prims),
         lights=tuple(contents.lights),
+        time=float(reading.time.GetValue()),
         notes=tuple(reading.notes),
     )
 
