@@ -67,8 +67,10 @@ def render(
     if config is not None and settings:
         raise TypeError(f"render() takes either a config or single settings, got both: {', '.join(sorted(settings))}")
     config = config or config_from(settings)
+    reporter = Reporter(progress)
+    reporter.phase("load")
     if isinstance(stage, Scene):
-        return render_scene(resized(stage, config.width), config, features, Reporter(progress))
+        return render_scene(resized(stage, config.width), config, features, reporter)
 
     def scene_at(code: float | None) -> Scene:
         return load(
@@ -85,8 +87,6 @@ def render(
             session_layer=session_layer,
         )
 
-    reporter = Reporter(progress)
-    reporter.phase("load")
     scene = scene_at(time)
     opens, closes = scene.camera.shutter
     if shutter_samples > 1 and opens < closes:

@@ -266,6 +266,7 @@ def test_ends_of_the_clipping_range_count_where_something_lies_beyond(near, far,
     [
         camera(body="float focalLength = 0"),
         camera(body="float horizontalAperture = nan"),
+        camera(body="float horizontalAperture = 1e-30"),
         camera(ops="double3 xformOp:scale = (0, 1, 1)", order='["xformOp:scale"]'),
         camera(ops="double3 xformOp:translate = (nan, 1, 1)", order='["xformOp:translate"]'),
     ],

@@ -21,6 +21,9 @@ DEFAULT_WIDTH = 960  # usdrecord's
 # Beyond this a squared radiance overflows float32.
 MAX_EXPOSURE = 1e15
 
+# 16,384 x 16,384: a film takes some 150 bytes a pixel, twice.
+MAX_PIXELS = 1 << 28
+
 # A picture's height is cut to whole pixels; this keeps 640 / (4/3) in float32 from becoming 479.
 HEIGHT_TOLERANCE = 1e-3
 
@@ -39,7 +42,7 @@ def read_camera(
     first of the stage, else one that frames the geometry as usdrecord's does.
 
     Raises:
-        StageError: the camera asked for is not there, or it has no valid lens or transform.
+        StageError: the camera asked for is not there or has no valid lens or transform, or the picture is too large.
         ConfigError: width is below 1.
     """
     prim = _find_camera(reading, settings, asked)
@@ -57,9 +60,11 @@ def read_camera(
         camera = replace(camera, shutter=_shutter(prim, settings, reading))
         planes = clipping_planes(prim, camera, geometry, light_boxes(lights), reading)
         camera = replace(camera, clipping_planes=planes)
-    if settings.data_window == WHOLE:
-        return camera, resolution
-    return cropped(camera, resolution, settings)
+    if settings.data_window != WHOLE:
+        camera, resolution = cropped(camera, resolution, settings)
+    if resolution[0] * resolution[1] > MAX_PIXELS:
+        raise StageError(f"a picture of {resolution[0]:.3g} x {resolution[1]:.3g} pixels is too large", path)
+    return camera, resolution
 
 
 def cropped(camera: Camera, resolution: tuple[int, int], settings: Settings) -> tuple[Camera, tuple[int, int]]:
