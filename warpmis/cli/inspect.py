@@ -55,6 +55,8 @@ def _print(inspection: Inspection) -> None:
     console.print(f"{inspection.name}: {width} x {height} pixels through {camera}")
     for name in ("position", "forward", "window"):
         console.print(f"  {name} {_numbers(inspection.camera[name])}")
+    for name in ("orthographic", "lens_radius", "focus_distance", "exposure"):
+        console.print(f"  {name} {_value(inspection.camera[name])}")
     if inspection.bounds is not None:
         console.print(f"bounds [scene units]  {_numbers(inspection.bounds[0])} to {_numbers(inspection.bounds[1])}")
     console.print("memory  " + ", ".join(f"{name} {_bytes(size)}" for name, size in inspection.memory.items()))
