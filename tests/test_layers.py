@@ -26,6 +26,7 @@ ALLOWED: dict[str, set[str]] = {
     "scene": {"errors", "texture"},
     "usd": {"scene", "texture", "errors"},
     "features": {"scene", "texture"},
+    "inspection": {"scene", "texture", "features", "device.environment"},
     "film": {"errors"},
     "metrics": set(),
     "device": {"scene", "texture", "features", "film", "errors"},
@@ -34,11 +35,16 @@ ALLOWED: dict[str, set[str]] = {
     "integrator": {"config", "device", "errors", "features", "film", "kernels", "learn", "metrics"},
     "output": {"film", "errors"},
     "result": {"output", "film", "errors", "metrics", ""},
+    "motion": {"config", "errors", "result"},
     "rendering": {
-        "config", "device", "errors", "features", "film", "integrator", "learn", "progress", "result", "scene", "usd",
+        "config", "device", "errors", "features", "film", "integrator", "learn", "motion", "progress", "result",
+        "scene", "usd",
     },
     "compare": {"config", "methods", "errors", "metrics", "output", "progress", ""},
-    "cli": {"compare", "config", "methods", "errors", "output", "progress", "rendering", "result", "scene", "usd", ""},
+    "cli": {
+        "compare", "config", "methods", "errors", "inspection", "output", "progress", "rendering", "result", "scene",
+        "usd", "",
+    },
     "__main__": {"cli"},
     "": {"config", "errors", "progress", "rendering", "result", "scene", "usd"},
 }  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from warpmis.errors import ConfigError, StageError, UnsupportedError, WarpmisError
+from warpmis.errors import ConfigError, Interrupted, StageError, UnsupportedError, WarpmisError
 
 if TYPE_CHECKING:
     from warpmis.config import LearnConfig, RenderConfig
@@ -22,6 +22,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ConfigError",
+    "Interrupted",
     "LearnConfig",
     "Progress",
     "RenderConfig",

@@ -1,5 +1,7 @@
 """The exceptions that warpmis raises on purpose: each message is one line that names the place and the remedy."""
 
+from typing import Any
+
 
 class WarpmisError(Exception):
     """Base of every error that warpmis raises on purpose."""
@@ -20,6 +22,17 @@ class StageError(WarpmisError):
     def __init__(self, message: str, prim_path: str = "") -> None:
         super().__init__(f"{prim_path}: {message}" if prim_path else message)
         self.prim_path = prim_path
+
+
+class Interrupted(KeyboardInterrupt):
+    """A render that was interrupted with samples taken: `result` is the RenderResult of those.
+
+    A KeyboardInterrupt, so that it ends what a plain one would end.
+    """
+
+    def __init__(self, result: Any) -> None:
+        super().__init__("interrupted")
+        self.result = result
 
 
 class UnsupportedError(StageError):

@@ -27,6 +27,7 @@ class Features:
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
         textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
+        orthographic, depth_of_field, clipping: cameras other than a pinhole; clipping planes.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
     """
@@ -48,6 +49,9 @@ class Features:
     textures: bool = False
     vertex_colors: bool = False
     normal_maps: bool = False
+    orthographic: bool = False
+    depth_of_field: bool = False
+    clipping: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
 
@@ -108,4 +112,7 @@ def detect(scene: Scene) -> Features:
         textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
         vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),
         normal_maps=any(m.normal is not None for m in used),
+        orthographic=scene.camera.orthographic,
+        depth_of_field=scene.camera.lens_radius > 0.0,
+        clipping=len(scene.camera.clipping_planes) > 0,
     )

@@ -14,12 +14,17 @@ from numpy.typing import NDArray
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.film import download_film
 from warpmis.device.upload import upload
+from warpmis.errors import Interrupted
 from warpmis.features import Features, detect
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import schedule
+from warpmis.motion import averaged, divided, shutter_times
 from warpmis.progress import Progress
 from warpmis.result import RenderResult
 from warpmis.scene import Scene
+
+# At most so often is progress reported [s].
+REPORT_SECONDS = 0.1
 
 ProgressCallback = Callable[[Progress], None]
 
@@ -29,8 +34,10 @@ def render(
     *,
     config: RenderConfig | None = None,
     camera: str | None = None,
-    purposes: tuple[str, ...] = ("render",),
+    purposes: tuple[str, ...] | None = None,
     render_settings: str | None = None,
+    product: str | None = None,
+    shutter_samples: int = 1,
     time: float | None = None,
     complexity: str = "high",
     variants: Sequence[str] = (),
@@ -46,36 +53,76 @@ def render(
         stage: path of a USD file, a Usd.Stage, or a Scene.
         config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
             initial_allocation, keep_maps) one by one.
-        camera, purposes, render_settings, time, complexity, variants, mask, session_layer: what to read of the stage,
-            as in load_stage; a Scene has been read already.
+        camera, purposes, render_settings, product, time, complexity, variants, mask, session_layer: what to read of the
+            stage, as in load_stage; a Scene has been read already.
+        shutter_samples: at how many times within the camera's shutter interval the stage is read, for motion blur.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
 
     Raises:
         ConfigError: a setting cannot be honoured.
         StageError: the stage cannot be rendered.
+        Interrupted: Ctrl-C, after samples were taken; it holds the result so far.
     """
     if config is not None and settings:
         raise TypeError(f"render() takes either a config or single settings, got both: {', '.join(sorted(settings))}")
     config = config or config_from(settings)
     reporter = Reporter(progress)
     reporter.phase("load")
-    scene = stage
-    if not isinstance(stage, Scene):
-        scene = load(
+    if isinstance(stage, Scene):
+        return render_scene(resized(stage, config.width), config, features, reporter)
+
+    def scene_at(code: float | None) -> Scene:
+        return load(
             stage,
             width=config.width,
             camera=camera,
             purposes=purposes,
             render_settings=render_settings,
-            time=time,
+            product=product,
+            time=code,
             complexity=complexity,
             variants=variants,
             mask=mask,
             session_layer=session_layer,
         )
-    scene = resized(scene, config.width)
+
+    scene = scene_at(time)
+    opens, closes = scene.camera.shutter
+    if shutter_samples > 1 and opens < closes:
+        return render_shutter(scene, scene_at, config, features, progress, shutter_samples)
+    if opens < closes:
+        note = "the camera's shutter stays open, but there is one time in it alone: ask for more shutter samples"
+        scene = dataclasses.replace(scene, notes=(*scene.notes, note))
     return render_scene(scene, config, features, reporter)
+
+
+def render_shutter(
+    scene: Scene,
+    scene_at: Callable[[float], Scene],
+    config: RenderConfig,
+    features: Features | None,
+    progress: ProgressCallback | None,
+    count: int,
+) -> RenderResult:
+    """The mean of renders at `count` times within the shutter's interval; each reads the whole stage again."""
+    results: list[RenderResult] = []
+    codes = shutter_times(scene.time, scene.camera.shutter, count)
+    for code, part in zip(codes, divided(config, count), strict=True):
+        reporter = Reporter(progress)
+        try:
+            reporter.phase("load", f"time {code:g}")
+            results.append(render_scene(scene_at(code), part, features, reporter))
+        except KeyboardInterrupt as stop:
+            results += [stop.result] if isinstance(stop, Interrupted) else []
+            if not results:
+                raise
+            note = (
+                f"interrupted at time {code:g}: {len(results)} of {count} times within the shutter are in the picture"
+            )
+            result = averaged(results, config)
+            raise Interrupted(dataclasses.replace(result, notes=(*result.notes, note))) from None
+    return averaged(results, config)
 
 
 def config_from(settings: dict[str, Any]) -> RenderConfig:
@@ -122,13 +169,21 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
     maps = []
-    for number, part in enumerate(rounds, start=1):
-        reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
-        integrator.trace(part, reporter.advance)
-        if part.learn:
-            integrator.solve()
-            if config.learn.keep_maps:
-                maps.append(integrator.allocation_map())
+    try:
+        for number, part in enumerate(rounds, start=1):
+            reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
+            integrator.trace(part, reporter.advance)
+            if part.learn:
+                integrator.solve()
+                if config.learn.keep_maps:
+                    maps.append(integrator.allocation_map())
+    except KeyboardInterrupt:
+        if reporter.done == 0:
+            raise
+        reporter.phase("done")
+        share = 100.0 * reporter.done / reporter.total
+        scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
+        raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None
     reporter.phase("done")
     return result_of(scene, config, features, integrator, reporter, maps)
 
@@ -145,7 +200,8 @@ def result_of(
     width, height = scene.resolution
     learned, final = (download_film(film, width, height) for film in (integrator.learn_film, integrator.film))
     film = learned.merge(final)
-    spread = final if final.count.max() > 1 else film
+    # An interrupted last round has pixels without samples.
+    spread = final if (final.count + final.rejected).min() > 1 else film
     seconds = {name: reporter.seconds.get(name, 0.0) for name in ("load", "compile", "learn", "render")}
     traced = seconds["learn"] + seconds["render"]
     rays = integrator.rays()
@@ -163,14 +219,15 @@ def result_of(
         "device": config.device,
         "threads": integrator.threads,
     }
+    exposure = scene.camera.exposure
     return RenderResult(
-        image=film.image(),
+        image=film.image() * np.float32(exposure),
         alpha=film.coverage(),
         albedo=film.mean_albedo(),
         normal=film.mean_normal(),
         depth=film.mean_depth(),
         samples=film.count,
-        variance=spread.variance(),
+        variance=spread.variance() * np.float32(exposure**2),
         allocation=integrator.allocation_map(),
         round_allocations=tuple(maps),
         strategies=config.strategies,
@@ -208,7 +265,7 @@ class Reporter:
     def advance(self, samples: int) -> None:
         self.done += samples
         now = time.perf_counter()
-        if now - self.reported > 0.1:
+        if now - self.reported > REPORT_SECONDS:
             self.report(now)
 
     def report(self, now: float) -> None:

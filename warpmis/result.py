@@ -55,12 +55,19 @@ class RenderResult:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write an EXR: the image, everything known per pixel, and the settings in the header."""
+    def write(self, path: str | os.PathLike[str], channels: Mapping[str, str] | None = None) -> None:
+        """Write an EXR: the image, everything known per pixel, and the settings in the header.
+
+        Args:
+            channels: the file's channels and which of `channels()` each is, such as {"beauty.R": "R"}; None for all.
+        """
         from warpmis.output.exr import write_exr  # here, so that a render can be had without OpenEXR
 
         header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
-        write_exr(path, self.channels(), header)
+        pictures = self.channels()
+        if channels is not None:
+            pictures = {name: pictures[own] for name, own in channels.items()}
+        write_exr(path, pictures, header)
 
     def relative_error(self) -> float:
         """The relative error that the samples' own spread leads one to expect: 0.02 is 2 % (see metrics.py)."""

@@ -220,16 +220,23 @@ Light = RectLight | DiskLight | SphereLight | CylinderLight | DistantLight | Dom
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera.
+    """A camera with a pinhole or a thin lens, or an orthographic one.
 
     The ray through the picture point (x, y), both in [0, 1) with (0, 0) the upper left corner, leaves `position`
     along  forward + (left + x (right - left)) right_axis + (top + y (bottom - top)) up_axis  with the window
-    (left, right, bottom, top) at unit distance, already fitted to `resolution`'s aspect.
+    (left, right, bottom, top) at unit distance, already fitted to `resolution`'s aspect. An orthographic camera's
+    ray leaves that point of the window about `position`, along `forward`.
 
     Attributes:
         position: [scene units], shape (3,) float64.
         right_axis, up_axis, forward: orthonormal, world space, shape (3,) float64.
-        window: (left, right, bottom, top) at unit distance.
+        window: (left, right, bottom, top) at unit distance; of an orthographic camera [scene units].
+        lens_radius: of a thin lens, perspective alone; 0 is a pinhole [scene units].
+        focus_distance: along `forward`, above 0 where there is a lens [scene units].
+        exposure: factor on the picture.
+        shutter: when it opens and closes, relative to Scene.time [time codes]; both equal without motion blur.
+        clipping_planes: rows (n, d), world space; the camera sees a point p where n . (p - position) + d >= 0
+            for all of them, light goes everywhere, shape (n, 4) float64.
     """
 
     path: str
@@ -238,6 +245,12 @@ class Camera:
     up_axis: NDArray[np.float64]
     forward: NDArray[np.float64]
     window: tuple[float, float, float, float]
+    orthographic: bool = False
+    lens_radius: float = 0.0
+    focus_distance: float = 0.0
+    exposure: float = 1.0
+    shutter: tuple[float, float] = (0.0, 0.0)
+    clipping_planes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +262,7 @@ class Scene:
     Attributes:
         name: the stage's file name or identifier.
         resolution: (width, height) [pixel].
+        time: of the stage [time code].
         warnings: what was found but not honoured, a line each, with the prim path.
         notes: what was supplied because the stage has none (camera, light), a line each.
     """
@@ -260,5 +274,6 @@ class Scene:
     materials: tuple[Material, ...]
     prims: tuple[Prim, ...]
     lights: tuple[Light, ...]
+    time: float = 0.0
     warnings: tuple[str, ...] = field(default=())
     notes: tuple[str, ...] = field(default=())

@@ -15,7 +15,7 @@ from warpmis.device.upload import upload
 from warpmis.device.views import CameraView, SceneView
 from warpmis.features import Features, detect
 from warpmis.kernels import rng
-from warpmis.kernels.camera import camera_ray_direction
+from warpmis.kernels.camera import make_camera
 from warpmis.kernels.intersect import Hit, closest_hit, make_intersect
 from warpmis.kernels.path import make_path
 from warpmis.scene import Scene
@@ -86,6 +86,7 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
 
 def recording_kernel(features: Features) -> wp.Kernel:
     path = make_path(features)
+    camera_ray = make_camera(features)
     Li = path.Li
     vec_s = path.strategies.vec_s
 
@@ -97,8 +98,8 @@ def recording_kernel(features: Features) -> wp.Kernel:
             key.pixel = wp.uint32(pixel)
             key.sample = wp.uint32(k)
             u = rng.uniform4(key, rng.CAMERA)
-            direction = camera_ray_direction(camera, pixel, u[0], u[1])
-            Li(scene, camera.position, direction, key, vec_s(), 0.0, max_depth)
+            ray = camera_ray(camera, key, pixel, u[0], u[1])
+            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), 0.0, max_depth)
 
     return run
 

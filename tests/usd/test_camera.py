@@ -200,18 +200,65 @@ def test_framing_sees_the_points_in_use_alone_and_lights_where_there_are_no_surf
     np.testing.assert_allclose(scene.camera.position, [0, 0, 5 / math.tan(half_view)], rtol=1e-6)
 
 
+def test_orthographic_aperture_is_the_window_in_tenths_of_a_unit():
+    body = 'token projection = "orthographic"\nfloat focalLength = 0\n' + SQUARE_LENS.replace(
+        "float focalLength = 10", ""
+    )
+    found = load(CUBE + camera(body=body)).camera
+    assert found.orthographic
+    np.testing.assert_allclose(found.window, [-1, 1, -1, 1], rtol=1e-6)
+
+
+def test_lens_radius_follows_from_the_f_number():
+    body = "float focalLength = 50\nfloat fStop = 2\nfloat focusDistance = 7"
+    found = load(CUBE + camera(body=body)).camera
+    assert (found.lens_radius, found.focus_distance) == (pytest.approx(5.0 / 4.0), 7.0)
+    assert load(CUBE + camera(body=body.replace("fStop = 2", "fStop = 0"))).camera.lens_radius == 0.0
+    switched_off = load(with_settings("bool disableDepthOfField = 1\nrel camera = </Cam>", lens=body))
+    assert switched_off.camera.lens_radius == 0.0
+    assert not switched_off.warnings
+
+
 @pytest.mark.parametrize(
     ("body", "word"),
     [
-        ('token projection = "orthographic"', "orthographic"),
-        ("float fStop = 2.8", "fStop"),
-        ("float exposure = 1", "exposure"),
+        ('token projection = "orthographic"\nfloat fStop = 2.8\nfloat focusDistance = 1', "fStop"),
+        ("float fStop = 2.8", "focusDistance"),
+        ("float fStop = nan\nfloat focusDistance = 1", "fStop"),
+        ("float fStop = -1\nfloat focusDistance = 1", "fStop"),
+        ("float exposure = 1000", "exposure"),
+        ("float exposure:fStop = 0", "exposure"),
+        ("float2 clippingRange = (3, 2)", "clippingRange"),
+        ("float2 clippingRange = (nan, 2)", "clippingRange"),
+        ("float4[] clippingPlanes = [(0, 0, 0, 1)]", "clipping plane"),
+        ("float4[] clippingPlanes = [(0, nan, 0, 1)]", "clipping plane"),
     ],
 )
-def test_what_a_pinhole_leaves_out_is_one_warning(body, word):
+def test_what_cannot_be_honoured_is_one_warning(body, word):
     scene = load(camera(body=body) + CUBE)
     assert mentions(scene, "/Cam", word)
     assert len(scene.warnings) == 1
+    found = scene.camera
+    assert (found.lens_radius, found.exposure, len(found.clipping_planes)) == (0.0, 1.0, 0)
+
+
+def test_clipping_planes_are_in_world_space_about_the_camera():
+    """Moved by (5, 0, 0) and turned about Y by 90 degrees: what was -Z, ahead, is -X."""
+    body = "float4[] clippingPlanes = [(0, 0, -2, -4)]"
+    ops = "double3 xformOp:translate = (5, 0, 0)\nfloat xformOp:rotateY = 90"
+    found = load(CUBE + camera(body=body, ops=ops, order='["xformOp:translate", "xformOp:rotateY"]')).camera
+    np.testing.assert_allclose(found.clipping_planes, [[-1, 0, 0, -2]], atol=1e-6)
+
+
+@pytest.mark.parametrize(("near", "far", "planes"), [(2, 100, 0), (4.5, 100, 1), (2, 5, 1), (4.5, 5, 2)])
+def test_ends_of_the_clipping_range_count_where_something_lies_beyond(near, far, planes):
+    """The cube reaches from 4 to 6 ahead."""
+    ops = camera(
+        body=f"float2 clippingRange = ({near}, {far})",
+        ops="double3 xformOp:translate = (0, 0, 5)",
+        order='["xformOp:translate"]',
+    )
+    assert len(load(CUBE + ops).camera.clipping_planes) == planes
 
 
 @pytest.mark.parametrize(
@@ -219,6 +266,7 @@ def test_what_a_pinhole_leaves_out_is_one_warning(body, word):
     [
         camera(body="float focalLength = 0"),
         camera(body="float horizontalAperture = nan"),
+        camera(body="float horizontalAperture = 1e-30"),
         camera(ops="double3 xformOp:scale = (0, 1, 1)", order='["xformOp:scale"]'),
         camera(ops="double3 xformOp:translate = (nan, 1, 1)", order='["xformOp:translate"]'),
     ],
@@ -231,3 +279,43 @@ def test_impossible_cameras_are_errors_with_their_path(text):
 def test_invisible_camera_still_looks():
     scene = load(f'def Xform "H"\n{{\ntoken visibility = "invisible"\n{camera()}}}\n' + CUBE)
     assert scene.camera.path == "/H/Cam"
+
+
+@pytest.mark.parametrize(
+    ("window", "resolution", "frame"),
+    [
+        ((0, 0, 1, 1), (40, 20), (-2, 2, -1, 1)),
+        ((0.5, 0.25, 1, 1), (20, 15), (0, 2, -0.5, 1)),
+        ((0, 0, 0.26, 1), (10, 20), (-2, -1, -1, 1)),  # 10.4 columns: the centre of the eleventh lies at 10.5
+        ((0, 0, 0.27, 1), (11, 20), (-2, -0.9, -1, 1)),
+        ((-0.5, 0, 1.5, 1), (80, 20), (-4, 4, -1, 1)),  # overscan
+        ((0.5, 0.5, 0.501, 0.501), (1, 1), (0, 0.1, 0, 0.1)),  # no centre: one pixel
+    ],
+)
+def test_data_window_keeps_the_pixels_whose_centres_it_contains(window, resolution, frame):
+    text = with_settings(f"int2 resolution = (40, 20)\nrel camera = </Cam>\nfloat4 dataWindowNDC = {window}")
+    scene = load(text)
+    assert scene.resolution == resolution
+    np.testing.assert_allclose(scene.camera.window, frame, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("window", ["(0, 0, 0, 1)", "(0, 1, 1, 0)", "(0, 0, nan, 1)", "(0, 0, 1e9, 1)"])
+def test_impossible_data_window_is_a_warning(window):
+    scene = load(with_settings(f"int2 resolution = (40, 20)\nfloat4 dataWindowNDC = {window}"))
+    assert mentions(scene, "/Settings", "dataWindowNDC")
+    assert scene.resolution == (40, 20)
+
+
+def test_unknown_conform_policy_is_a_warning():
+    scene = load(with_settings('uniform token aspectRatioConformPolicy = "bend"'))
+    assert mentions(scene, "/Settings", "bend")
+
+
+def test_included_purposes_count_unless_purposes_are_asked_for():
+    text = with_settings('uniform token[] includedPurposes = ["default", "proxy", "odd"]')
+    for purpose in ("render", "proxy"):
+        text += f'def Cube "{purpose}"\n{{\nuniform token purpose = "{purpose}"\n}}\n'
+    assert {prim.path for prim in load(text).prims} == {"/C", "/proxy"}
+    assert mentions(load(text), "/Settings", "odd")
+    assert {prim.path for prim in load(text, purposes=("render",)).prims} == {"/C", "/render"}
+    assert {prim.path for prim in load(text, purposes=()).prims} == {"/C"}

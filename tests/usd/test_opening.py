@@ -197,7 +197,7 @@ def test_what_the_caller_masked_and_muted_stays_so(tmp_path):
 
 def test_render_hands_all_stage_options_to_the_reader(monkeypatch):
     given = {"time": 3.0, "complexity": "low", "variants": ["/A{b=c}"], "mask": ["/A"], "session_layer": "s.usda"}
-    given |= {"camera": "/C", "purposes": ("proxy",), "render_settings": "/R"}
+    given |= {"camera": "/C", "purposes": ("proxy",), "render_settings": "/R", "product": "/P"}
     seen = {}
 
     def load(stage, **options):

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 
 import warpmis
-from warpmis.cli import compare, render
+from warpmis.cli import compare, inspect, render
 from warpmis.cli.console import fail
 from warpmis.errors import ConfigError, WarpmisError
 
@@ -48,4 +48,5 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     render.add_parser(commands)
     compare.add_parser(commands)
+    inspect.add_parser(commands)
     return parser

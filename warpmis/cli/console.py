@@ -64,8 +64,8 @@ def speed_text(samples: int, seconds: float) -> str:
 
 
 @contextmanager
-def progress_bar(*, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on a terminal; None, so that nothing is shown, anywhere else."""
+def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
+    """A bar on a terminal, which begins with `label`; None, so that nothing is shown, anywhere else."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -86,7 +86,7 @@ def progress_bar(*, quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
         def show(progress: Progress) -> None:
             bar.update(
                 task,
-                description=f"{progress.phase} {progress.detail}".strip(),
+                description=f"{label} {progress.phase} {progress.detail}".strip(),
                 completed=progress.done,
                 total=progress.total or None,  # unknown: the bar swings
                 speed=speed_text(progress.samples, progress.seconds) if progress.samples else "",

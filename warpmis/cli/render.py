@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
+import math
 import time
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
 from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.frames import frame_list
+from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
-from warpmis.errors import ConfigError
+from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 
 if TYPE_CHECKING:
     from warpmis.result import RenderResult
 
 PURPOSES = ("default", "render", "proxy", "guide")
+COLOR_CORRECTIONS = ("disabled", "sRGB")
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
@@ -39,14 +41,19 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("stage", metavar="STAGE", help="a USD file")
     parser.add_argument("out", metavar="OUT.exr", nargs="?", help="default: the stage's name + .exr in this folder")
-    add_stage_options(parser)
+    group = add_stage_options(parser)
+    group.add_argument(
+        "--frames", "-f", type=frame_list, metavar="A:BxC,D",
+        help="render each of these time codes, such as 1:24 or 1:10x2,20; #### in OUT is the frame's number",
+    )  # fmt: skip
     _add_render_options(parser)
     _add_learn_options(parser)
     _add_output_options(parser)
     parser.set_defaults(run=run)
 
 
-def add_stage_options(parser: argparse.ArgumentParser) -> None:
+def add_stage_options(parser: argparse.ArgumentParser) -> Any:
+    """What to read of the stage, and the group, for those who have more to ask."""
     group = parser.add_argument_group("what to render (as in usdrecord)")
     group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim: its path, or its name if that is unique")
     group.add_argument(
@@ -66,6 +73,10 @@ def add_stage_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--mask", type=_names, metavar="/A,/B", help="load these prims alone, and what they refer to")
     group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="a layer stronger than the stage")
+    group.add_argument(
+        "--time", "-t", type=_time_code, metavar="T", help="time code (the stage's startTimeCode, else 0)"
+    )
+    return group
 
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
@@ -88,6 +99,9 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
     )
+    group.add_argument(
+        "--shutter-samples", type=_positive, metavar="N", help="times within the shutter, for motion blur (1: none)"
+    )
     group.add_argument("--seed", type=int, metavar="N", help=f"the same seed gives the same image ({default.seed})")
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
     group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
@@ -103,6 +117,14 @@ def _add_learn_options(parser: argparse.ArgumentParser) -> None:
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to write")
     group.add_argument("--png", metavar="FILE.png", help="also write the image as a PNG, to look at")
+    group.add_argument(
+        "--products", metavar="DIR",
+        help="instead of OUT: write every RenderProduct of the RenderSettings, by its productName, into this folder",
+    )  # fmt: skip
+    group.add_argument(
+        "--color-correction-mode", "--colorCorrectionMode", "-color", choices=COLOR_CORRECTIONS, default="sRGB",
+        help="how --png encodes: sRGB, or disabled for linear values (%(default)s)",
+    )  # fmt: skip
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
@@ -111,6 +133,22 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
+    return int(text)
+
+
+def _time_code(text: str) -> float:
+    try:
+        code = float(text)
+    except ValueError:
+        code = math.nan
+    if not math.isfinite(code):
+        raise argparse.ArgumentTypeError(f"'{text}' is no time code such as 12 or 3.5")
+    return code
 
 
 def _purposes(text: str) -> tuple[str, ...]:
@@ -170,27 +208,8 @@ def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
         variants=arguments.variant,
         mask=arguments.mask,
         session_layer=arguments.session_layer,
+        time=arguments.time,
     )
-
-
-def _targets(arguments: argparse.Namespace) -> dict[str, str]:
-    """The files to write, by what they are, every one of which can be written."""
-    from warpmis.output.atomic import check_target
-
-    out = arguments.out or f"{Path(arguments.stage).stem}.exr"
-    targets = given(output=out, png=arguments.png, balance_map=arguments.balance_map)
-    for kind, path in targets.items():
-        suffix = ".exr" if kind == "output" else ".png"
-        if Path(path).suffix.lower() != suffix:
-            remedy = "; use --png for a picture" if kind == "output" else ""
-            raise ConfigError(f"{path}: the file's name must end in {suffix}{remedy}")
-    if len({os.path.realpath(path) for path in targets.values()}) < len(targets):
-        raise ConfigError("--png and --balance-map name the same file; name two")
-    for path in targets.values():
-        check_target(path)
-    if arguments.round_maps:
-        check_target(f"{arguments.round_maps}/round.png")
-    return targets
 
 
 # ---- the command ------------------------------------------------------------------------------------------------
@@ -198,41 +217,71 @@ def _targets(arguments: argparse.Namespace) -> dict[str, str]:
 
 def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
-    targets = _targets(arguments)
+    jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
+    said: set[str] = set()
+    reports: list[dict[str, Any]] = []
+    try:
+        for job in jobs:
+            reports.append(_render(job, arguments, config, said))
+    except Interrupted as stop:
+        reports.append(_finish(stop.result, jobs[len(reports)], arguments, said))
+        raise
+    finally:
+        if arguments.json and reports:
+            many = "products" if arguments.products else "frames" if arguments.frames else None
+            print(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
+
+
+def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said: set[str]) -> dict[str, Any]:
     start = time.perf_counter()
-    with progress_bar(quiet=arguments.quiet) as show:
-        result = warpmis.render(arguments.stage, config=config, progress=show, **stage_options(arguments))
-    _write(result, targets)
-    if arguments.round_maps:
-        _write_round_maps(result, arguments.round_maps)
+    with progress_bar(quiet=arguments.quiet, label=job.label) as show:
+        options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
+        result = warpmis.render(arguments.stage, config=config, progress=show, **options)
+    report = _finish(result, job, arguments, said)
     if not arguments.quiet:
-        _say_messages(result)
-        say(_summary(result, config, targets["output"], time.perf_counter() - start))
-    if arguments.json:
-        report = {
-            **targets,
-            "version": warpmis.__version__,
-            "stage": result.name,
-            "strategies": result.strategies,
-            "settings": result.settings,
-            "stats": result.stats,
-            "warnings": _distinct(result.warnings),
-            "notes": _distinct(result.notes),
-        }
-        print(json.dumps(plain(report), allow_nan=False))
+        say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
+    return report
 
 
-def _write(result: RenderResult, targets: Mapping[str, str]) -> None:
+def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said: set[str]) -> dict[str, Any]:
+    """Write a picture's files, say what has not been `said` of an earlier one, and return its part of --json."""
+    _write(result, job, srgb=arguments.color_correction_mode == "sRGB")
+    warnings, notes = _distinct((*job.warnings, *result.warnings)), _distinct(result.notes)
+    if not arguments.quiet:
+        for line in (*(f"warning: {line}" for line in warnings), *(f"note: {line}" for line in notes)):
+            if line not in said:
+                say(line)
+            said.add(line)
+    return {
+        **job.targets,
+        **job.options,
+        "version": warpmis.__version__,
+        "stage": result.name,
+        "strategies": result.strategies,
+        "settings": result.settings,
+        "stats": result.stats,
+        "warnings": warnings,
+        "notes": notes,
+    }
+
+
+def _write(result: RenderResult, job: Job, *, srgb: bool) -> None:
     from warpmis.output.balance_map import balance_map, with_legend
     from warpmis.output.png import write_display_png, write_png
 
-    result.write(targets["output"])
+    targets = job.targets
+    if targets["output"].lower().endswith(".png"):  # a product's
+        write_png(targets["output"], result.image, srgb=srgb)
+    else:
+        result.write(targets["output"], job.channels)
     if "png" in targets:
-        write_png(targets["png"], result.image)
+        write_png(targets["png"], result.image, srgb=srgb)
     if "balance_map" in targets:
         picture = balance_map(result.allocation, result.strategies)
         write_display_png(targets["balance_map"], with_legend(picture, result.strategies))
+    if "round_maps" in targets:
+        _write_round_maps(result, targets["round_maps"])
 
 
 def _write_round_maps(result: RenderResult, folder: str) -> None:
@@ -249,13 +298,6 @@ def _write_round_maps(result: RenderResult, folder: str) -> None:
 
 def _distinct(lines: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(lines))
-
-
-def _say_messages(result: RenderResult) -> None:
-    for line in _distinct(result.warnings):
-        say(f"warning: {line}")
-    for line in _distinct(result.notes):
-        say(f"note: {line}")
 
 
 def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: float) -> str:

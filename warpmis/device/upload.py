@@ -60,7 +60,8 @@ def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceS
         mesh = upload_mesh(view, geometry)
         varying = upload_surfaces(view, scene, geometry, tables)
         tree = upload_lights(view, geometry, tables, mis_compensation)
-    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree, varying))
+        camera = camera_view(scene.camera, scene.resolution)
+    return DeviceScene(view, camera, (mesh, tree, varying))
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -154,9 +155,15 @@ def camera_view(camera: Camera, resolution: tuple[int, int]) -> CameraView:
     left, right, bottom, top = camera.window
     view = CameraView()
     view.position = tuple(camera.position)
-    view.corner = tuple(camera.forward + left * camera.right_axis + top * camera.up_axis)
+    ahead = np.zeros(3) if camera.orthographic else camera.forward
+    view.corner = tuple(ahead + left * camera.right_axis + top * camera.up_axis)
     view.across = tuple((right - left) * camera.right_axis)
     view.down = tuple((bottom - top) * camera.up_axis)
     view.forward = tuple(camera.forward)
+    view.lens_u = tuple(camera.lens_radius * camera.right_axis)
+    view.lens_v = tuple(camera.lens_radius * camera.up_axis)
+    view.focus_distance = camera.focus_distance
+    view.orthographic = int(camera.orthographic)
+    view.planes = wp.array(camera.clipping_planes, dtype=wp.vec4)
     view.width, view.height = resolution
     return view

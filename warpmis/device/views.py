@@ -225,13 +225,23 @@ class SceneView:
 
 @wp.struct
 class CameraView:
-    """The ray through picture point (x, y) leaves `position` along corner + x across + y down."""
+    """The ray through picture point (x, y) leaves `position` along corner + x across + y down; an orthographic
+    camera's ray leaves position + corner + x across + y down along `forward`.
+
+    lens_u, lens_v: axes of a thin lens, of its radius' length; planes: (n, d) each, which see a point p where
+    n . (p - position) + d >= 0.
+    """
 
     position: wp.vec3
     corner: wp.vec3
     across: wp.vec3
     down: wp.vec3
     forward: wp.vec3
+    lens_u: wp.vec3
+    lens_v: wp.vec3
+    focus_distance: float
+    orthographic: int
+    planes: wp.array(dtype=wp.vec4)
     width: int
     height: int
 

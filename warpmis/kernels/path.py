@@ -158,6 +158,7 @@ def make_path(features: Features) -> SimpleNamespace:
         scene: SceneView,
         origin: wp.vec3,
         direction: wp.vec3,
+        reach: float,
         key: rng.RngKey,
         allocation: vec_s,
         u_strategy: float,
@@ -165,7 +166,7 @@ def make_path(features: Features) -> SimpleNamespace:
     ) -> PathSample:
         """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit.
 
-        u_strategy chooses the strategy of the mixture's direction.
+        Surfaces beyond `reach` are not in view. u_strategy chooses the strategy of the mixture's direction.
         """
         path = PathSample()
         L = wp.vec3(0.0, 0.0, 0.0)
@@ -184,6 +185,9 @@ def make_path(features: Features) -> SimpleNamespace:
         for step in range(max_depth + 1 + MAX_PASSED):
             hit = closest_hit(scene, start, wi)
             path.rays += 1
+            if wp.static(features.clipping):
+                if bounces == 0 and near + hit.distance > reach:
+                    hit.distance = INFINITE_DISTANCE
             far = hit.distance
             if far < INFINITE_DISTANCE:
                 far += near

@@ -19,6 +19,8 @@ BLOCKS = wp.constant(4)
 GOLDEN_STEP = wp.constant(wp.uint32(2654435769))
 # The block of the choice of strategy: one that no step of a path reaches.
 CHOICE = wp.constant(-1)
+# The block of the point on the camera's lens.
+LENS = wp.constant(-2)
 
 
 @wp.struct

@@ -7,7 +7,7 @@ import warp as wp
 from warpmis.device.views import CameraView, FilmView, SceneView
 from warpmis.features import Features
 from warpmis.kernels import rng
-from warpmis.kernels.camera import camera_ray_direction
+from warpmis.kernels.camera import make_camera
 from warpmis.kernels.frame import luminance
 from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
@@ -48,6 +48,7 @@ def merged(luminance: wp.vec2d, count: int, sums: wp.vec2d, more: int) -> wp.vec
 def make_trace(features: Features) -> wp.Kernel:
     """The trace kernel for one set of effects. Equal features return the same kernel."""
     path = make_path(features)
+    camera_ray = make_camera(features)
     Li = path.Li
     vec_s = path.strategies.vec_s
     count = path.strategies.count
@@ -92,11 +93,11 @@ def make_trace(features: Features) -> wp.Kernel:
         for k in range(samples):
             key.sample = wp.uint32(first_sample + k)
             u = rng.uniform4(key, rng.CAMERA)
-            direction = camera_ray_direction(camera, pixel, u[0], u[1])
+            ray = camera_ray(camera, key, pixel, u[0], u[1])
             u_strategy = u[2]
             if stratified != 0:
                 u_strategy = rng.golden_ratio(key, first_sample)
-            sample = Li(scene, camera.position, direction, key, a, u_strategy, max_depth)
+            sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
@@ -108,7 +109,9 @@ def make_trace(features: Features) -> wp.Kernel:
             lum += wp.vec2d(y, y * y)
             albedo += wp.vec3d(sample.albedo)
             normal += wp.vec3d(sample.normal)
-            depth += wp.float64(sample.distance * wp.dot(direction, camera.forward))
+            depth += wp.float64(
+                (sample.distance + ray.near * float(sample.hit)) * wp.dot(ray.direction, camera.forward)
+            )
             alpha += wp.float64(sample.alpha)
             hits += sample.hit
             if wp.static(learns):

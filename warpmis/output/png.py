@@ -14,16 +14,18 @@ from warpmis.output.atomic import replacing
 from warpmis.output.tonemap import to_display
 
 
-def write_png(path: str | os.PathLike[str], linear: NDArray[np.floating], exposure: float = 0.0) -> None:
-    """Write a linear Rec.709 image, shape (H, W, 3), as sRGB; `exposure` in stops."""
-    write_display_png(path, to_display(linear, exposure))
+def write_png(
+    path: str | os.PathLike[str], linear: NDArray[np.floating], exposure: float = 0.0, *, srgb: bool = True
+) -> None:
+    """Write a linear Rec.709 image, shape (H, W, 3), as sRGB, or as linear bytes; `exposure` in stops."""
+    write_display_png(path, to_display(linear, exposure, srgb=srgb), srgb=srgb)
 
 
-def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> None:
-    """Write sRGB values as they are, shape (H, W, 3) uint8; the file appears whole or not at all."""
+def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8], *, srgb: bool = True) -> None:
+    """Write sRGB or linear values as they are, shape (H, W, 3) uint8; the file appears whole or not at all."""
     height, width, channels = picture.shape
     spec = oiio.ImageSpec(width, height, channels, "uint8")
-    spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_scene" if srgb else "lin_rec709_scene")
     with replacing(path) as temporary:
         output = oiio.ImageOutput.create("png")
         if output is None:

@@ -1,8 +1,9 @@
-"""The camera: which one, its pinhole, and its window fitted to the picture."""
+"""The camera: which one, its lens, and its window fitted to the picture."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,37 +12,73 @@ from pxr import Gf, Usd, UsdGeom, UsdUtils
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import Camera, CylinderLight, DiskLight, Geometry, Light, RectLight, SphereLight
+from warpmis.usd.clipping import Bounds, clipping_planes
 from warpmis.usd.reading import PxrError, Reading, one_line
-from warpmis.usd.settings import Settings
+from warpmis.usd.settings import WHOLE, Settings
 
 DEFAULT_WIDTH = 960  # usdrecord's
+
+# Beyond this a squared radiance overflows float32.
+MAX_EXPOSURE = 1e15
+
+# 16,384 x 16,384: a film takes some 150 bytes a pixel, twice.
+MAX_PIXELS = 1 << 28
 
 # A picture's height is cut to whole pixels; this keeps 640 / (4/3) in float32 from becoming 479.
 HEIGHT_TOLERANCE = 1e-3
 
-Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
-
 
 def read_camera(
-    reading: Reading, settings: Settings, asked: str | None, width: int | None, bounds: Bounds
+    reading: Reading,
+    settings: Settings,
+    asked: str | None,
+    width: int | None,
+    geometry: Geometry,
+    lights: list[Light],
 ) -> tuple[Camera, tuple[int, int]]:
-    """The camera to render through and the resolution (width, height) [pixel].
+    """The camera to render through and the resolution (width, height) [pixel], both of the data window alone.
 
     The camera is the one asked for, else the RenderSettings', else the one of USD's primary camera name, else the
-    first of the stage, else one that frames `bounds` as usdrecord's does.
+    first of the stage, else one that frames the geometry as usdrecord's does.
 
     Raises:
-        StageError: the camera asked for is not there, or it has no valid lens or transform.
+        StageError: the camera asked for is not there or has no valid lens or transform, or the picture is too large.
         ConfigError: width is below 1.
     """
     prim = _find_camera(reading, settings, asked)
     if prim is None:
+        bounds = world_bounds(geometry, lights)
         path, gf_camera = "", framing_camera(bounds, str(UsdGeom.GetStageUpAxis(reading.stage)))
         reading.notes.append("the stage has no camera: one that frames the geometry is used")
     else:
         path, gf_camera = str(prim.GetPath()), _lens(prim, reading)
     resolution = picture_resolution(gf_camera, settings, width)
-    return fitted_camera(path, gf_camera, resolution, settings), resolution
+    camera = fitted_camera(path, gf_camera, resolution, settings)
+    if prim is not None:
+        radius, focus = _thin_lens(gf_camera, path, settings, reading)
+        camera = replace(camera, lens_radius=radius, focus_distance=focus, exposure=_exposure(prim, reading))
+        camera = replace(camera, shutter=_shutter(prim, settings, reading))
+        planes = clipping_planes(prim, camera, geometry, light_boxes(lights), reading)
+        camera = replace(camera, clipping_planes=planes)
+    if settings.data_window != WHOLE:
+        camera, resolution = cropped(camera, resolution, settings)
+    if resolution[0] * resolution[1] > MAX_PIXELS:
+        raise StageError(f"a picture of {resolution[0]:.3g} x {resolution[1]:.3g} pixels is too large", path)
+    return camera, resolution
+
+
+def cropped(camera: Camera, resolution: tuple[int, int], settings: Settings) -> tuple[Camera, tuple[int, int]]:
+    """The camera and resolution of the data window: the pixels whose centres it contains, one at least."""
+    (width, height), (x0, y0, x1, y1) = resolution, settings.data_window
+    left, right, bottom, top = camera.window
+    first_column, end_column = math.ceil(x0 * width - 0.5), math.ceil(x1 * width - 0.5)
+    first_row, end_row = math.ceil(y0 * height - 0.5), math.ceil(y1 * height - 0.5)  # from the bottom
+    end_column, end_row = max(end_column, first_column + 1), max(end_row, first_row + 1)
+    across, up = (right - left) / width, (top - bottom) / height
+    horizontal = (left + first_column * across, left + end_column * across)
+    vertical = (bottom + first_row * up, bottom + end_row * up)
+    size = (end_column - first_column, end_row - first_row)
+    return replace(camera, window=(*horizontal, *vertical)), size
 
 
 def camera_prims(stage: Any) -> list[Any]:
@@ -81,27 +118,59 @@ def _matching(cameras: list[Any], asked: str) -> Any:
 
 
 def _lens(prim: Any, reading: Reading) -> Any:
-    """The prim as a Gf.Camera, with a warning for what a pinhole leaves out."""
+    """The prim as a Gf.Camera whose numbers make a frustum."""
     path = prim.GetPath()
     camera = UsdGeom.Camera(prim)
     try:
         gf_camera = camera.GetCamera(reading.time)
     except PxrError as error:
         raise StageError(f"the camera cannot be read: {one_line(error)}", str(path)) from None
-    lens = (gf_camera.focalLength, gf_camera.horizontalAperture, gf_camera.verticalAperture)
+    lens: tuple[float, ...] = (gf_camera.horizontalAperture, gf_camera.verticalAperture)
+    if gf_camera.projection == Gf.Camera.Perspective:
+        lens = (*lens, gf_camera.focalLength)
     offsets = (gf_camera.horizontalApertureOffset, gf_camera.verticalApertureOffset)
     if not np.isfinite((*lens, *offsets)).all() or min(lens) <= 0.0:
         raise StageError("focalLength and both apertures must be above 0 and finite", str(path))
     matrix = np.array(gf_camera.transform)
     if not _is_invertible(matrix[:3, :3]) or not np.isfinite(matrix).all():
         raise StageError("the camera's transform is not invertible", str(path))
-    if gf_camera.projection == Gf.Camera.Orthographic:
-        reading.warn(path, "orthographic projection is not supported; perspective is used")
-    if gf_camera.fStop > 0.0:
-        reading.warn(path, "depth of field (fStop) is not supported; everything is in focus")
-    if not math.isclose(camera.ComputeLinearExposureScale(reading.time), 1.0, rel_tol=1e-5):
-        reading.warn(path, "the camera's exposure is not applied; the picture is scene radiance")
     return gf_camera
+
+
+def _thin_lens(gf_camera: Any, path: str, settings: Settings, reading: Reading) -> tuple[float, float]:
+    """The lens' radius, focalLength / (2 fStop), and what is in focus [scene units]; (0, 0) for a pinhole.
+
+    focalLength is in tenths of a scene unit, focusDistance in scene units.
+    """
+    if gf_camera.fStop == 0.0 or settings.disable_depth_of_field:
+        return 0.0, 0.0
+    if gf_camera.projection == Gf.Camera.Orthographic:
+        reading.warn(path, "an orthographic camera has no lens: fStop is not used")
+        return 0.0, 0.0
+    radius = 0.1 * gf_camera.focalLength / (2.0 * gf_camera.fStop)
+    if not (0.0 < radius < math.inf and 0.0 < gf_camera.focusDistance < math.inf):
+        reading.warn(path, "fStop and focusDistance must be above 0 for depth of field; everything is in focus")
+        return 0.0, 0.0
+    return radius, gf_camera.focusDistance
+
+
+def _shutter(prim: Any, settings: Settings, reading: Reading) -> tuple[float, float]:
+    opens, closes = (reading.number(prim, f"shutter:{name}", 0.0) for name in ("open", "close"))
+    if settings.disable_motion_blur or opens == closes:
+        return 0.0, 0.0
+    if not (math.isfinite(opens) and math.isfinite(closes) and opens < closes):
+        reading.warn(prim.GetPath(), f"shutter:open {opens:g} is not before shutter:close {closes:g}; no motion blur")
+        return 0.0, 0.0
+    return opens, closes
+
+
+def _exposure(prim: Any, reading: Reading) -> float:
+    """Factor on the picture: responsivity * time * iso / 100 * 2^exposure / fStop^2, of the exposure's attributes."""
+    scale = UsdGeom.Camera(prim).ComputeLinearExposureScale(reading.time)
+    if not 0.0 <= scale <= MAX_EXPOSURE:
+        reading.warn(prim.GetPath(), f"the camera's exposure is a factor of {scale:g}; 1 is used")
+        return 1.0
+    return float(scale)
 
 
 def _is_invertible(linear: NDArray[np.float64]) -> bool:
@@ -124,11 +193,14 @@ def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) ->
 
 
 def fitted_camera(path: str, gf_camera: Any, resolution: tuple[int, int], settings: Settings) -> Camera:
-    """The pinhole camera whose window has the picture's aspect.
+    """The camera whose window has the picture's aspect, as a pinhole or orthographic.
+
+    An orthographic camera's aperture, in tenths of a scene unit, is its window itself.
 
     Scale and shear of the transform are left out, and a mirrored one is turned back, as GfFrustum does.
     """
-    focal = gf_camera.focalLength
+    orthographic = gf_camera.projection == Gf.Camera.Orthographic
+    focal = 10.0 if orthographic else gf_camera.focalLength
     size = (gf_camera.horizontalAperture / focal, gf_camera.verticalAperture / focal)
     aspect = resolution[0] * settings.pixel_aspect_ratio / resolution[1]
     half_width, half_height = (0.5 * side for side in conformed_window(size, aspect, settings.conform_policy))
@@ -142,6 +214,7 @@ def fitted_camera(path: str, gf_camera: Any, resolution: tuple[int, int], settin
         up_axis=axes[1],
         forward=-axes[2],
         window=(x - half_width, x + half_width, y - half_height, y + half_height),
+        orthographic=orthographic,
     )
 
 
@@ -184,14 +257,19 @@ def world_bounds(geometry: Geometry, lights: list[Light]) -> Bounds:
         used[geometry.triangles] = True
         points = geometry.points[used].astype(np.float64)
         return points.min(axis=0), points.max(axis=0)
-    boxes = [corner for light in lights for corner in _box(light)]
+    boxes = light_boxes(lights)
     if not boxes:
         return np.zeros(3), np.zeros(3)
-    return np.min(boxes, axis=0), np.max(boxes, axis=0)
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def _box(light: Light) -> list[NDArray[np.float64]]:
-    """Smallest and largest corner of a light, shape (3,) each; none for one at infinity."""
+def light_boxes(lights: list[Light]) -> list[Bounds]:
+    """The bounds of every light that has a place."""
+    return [box for light in lights if (box := _box(light)) is not None]
+
+
+def _box(light: Light) -> Bounds | None:
+    """Smallest and largest corner of a light, shape (3,) each; None for one at infinity."""
     match light:
         case RectLight() | DiskLight():
             reach = np.abs(light.half_u) + np.abs(light.half_v)
@@ -200,5 +278,5 @@ def _box(light: Light) -> list[NDArray[np.float64]]:
         case CylinderLight():
             reach = np.abs(light.half_axis) + light.radius
         case _:
-            return []
-    return [light.center - reach, light.center + reach]
+            return None
+    return light.center - reach, light.center + reach

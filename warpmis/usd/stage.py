@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
-from warpmis.usd.camera import read_camera, world_bounds
+from warpmis.usd.camera import read_camera
 from warpmis.usd.curves import read_curves
 from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
 from warpmis.usd.instances import Placement, placements
@@ -32,10 +32,9 @@ from warpmis.usd.reading import (
     one_line,
     unrepeated,
 )
-from warpmis.usd.settings import read_settings
+from warpmis.usd.settings import PURPOSES, Settings, read_settings
 from warpmis.usd.skinning import bake_skinning, has_skeletons
 
-PURPOSES = {"default", "render", "proxy", "guide"}
 # usdrecord's names, and how many times each refines a subdivision surface.
 COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
 
@@ -46,8 +45,9 @@ def load_stage(
     camera: str | None = None,
     time: float | None = None,
     width: int | None = None,
-    purposes: tuple[str, ...] = ("render",),
+    purposes: tuple[str, ...] | None = None,
     render_settings: str | None = None,
+    product: str | None = None,
     complexity: str = "high",
     variants: Sequence[str] = (),
     mask: Sequence[str] = (),
@@ -64,8 +64,10 @@ def load_stage(
         time: time code; None is the stage's startTimeCode, 0 where it is not authored, as in usdrecord.
         width: image width [pixel], the height following from the camera's aperture; None takes the RenderSettings'
             resolution, or 960.
-        purposes: purposes to render besides "default", of "render", "proxy" and "guide".
+        purposes: purposes to render besides "default", of "render", "proxy" and "guide"; None takes the
+            RenderSettings', or "render".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
+        product: path of the RenderProduct whose camera, resolution and the like go before the RenderSettings'.
         complexity: how often subdivision surfaces are refined: "low" not at all, "medium" once, "high" twice,
             "veryhigh" three times.
         variants: selections to make, such as "/World/Car{paint=red}", in order.
@@ -76,7 +78,7 @@ def load_stage(
         StageError: the stage is missing, unreadable or empty, or has no such camera, settings, prim or variant.
         ConfigError: width is below 1, or there is no such purpose or complexity.
     """
-    unknown = ", ".join(sorted(set(purposes) - PURPOSES))
+    unknown = ", ".join(sorted(set(purposes or ()) - PURPOSES))
     if unknown:
         raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")
     if complexity not in COMPLEXITIES:
@@ -89,18 +91,20 @@ def load_stage(
         reading = Reading(
             stage=stage,
             time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
-            purposes=frozenset({"default", *purposes}),
+            purposes=frozenset({"default", *(("render",) if purposes is None else purposes)}),
             levels=COMPLEXITIES[complexity],
         )
         composition_warnings(reading)
         if has_skeletons(stage):
             bake_skinning(reading)
-        scene = _read_scene(reading, camera, width, render_settings)
+        settings = read_settings(reading, render_settings, product)
+        if purposes is None and settings.purposes is not None:
+            reading = replace(reading, purposes=frozenset({"default", *settings.purposes}))
+        scene = _read_scene(reading, settings, camera, width)
     return replace(scene, warnings=(*reading.warnings, *unrepeated(messages, reading.warnings)))
 
 
-def _read_scene(reading: Reading, camera: str | None, width: int | None, render_settings: str | None) -> Scene:
-    settings = read_settings(reading, render_settings)
+def _read_scene(reading: Reading, settings: Settings, camera: str | None, width: int | None) -> Scene:
     contents = StageContents(reading, settings.material_purposes)
     for placement in placements(reading):
         try:
@@ -118,7 +122,7 @@ def _read_scene(reading: Reading, camera: str | None, width: int | None, render_
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
-    found, resolution = read_camera(reading, settings, camera, width, world_bounds(geometry, contents.lights))
+    found, resolution = read_camera(reading, settings, camera, width, geometry, contents.lights)
     return Scene(
         name=name,
         camera=found,
@@ -127,6 +131,7 @@ def _read_scene(reading: Reading, camera: str | None, width: int | None, render_
         materials=materials,
         prims=tuple(contents.geometry.prims),
         lights=tuple(contents.lights),
+        time=float(reading.time.GetValue()),
         notes=tuple(reading.notes),
     )
 

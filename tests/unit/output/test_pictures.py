@@ -126,3 +126,10 @@ def test_legend_runs_from_the_first_strategy_to_the_next() -> None:
     bar = with_legend(balance_map(np.full((48, 64, 2), 0.5), strategies), strategies)[-1]
     ends = balance_map(np.eye(2)[np.newaxis], strategies)[0]
     np.testing.assert_array_equal(bar[[0, -1]], ends)
+
+
+def test_linear_png_holds_the_values_themselves(tmp_path: Path) -> None:
+    linear = np.array([[[0.0, 0.2, 0.5], [1.0, 2.0, np.nan]]])
+    write_png(tmp_path / "linear.png", linear, srgb=False)
+    pixels = oiio.ImageInput.open(str(tmp_path / "linear.png")).read_image("uint8")
+    np.testing.assert_array_equal(pixels, [[[0, 51, 128], [255, 255, 0]]])

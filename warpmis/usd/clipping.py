@@ -1,0 +1,66 @@
+"""Clipping planes of a camera: those that cut off something that it would see."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import UsdGeom
+
+from warpmis.scene import Camera, Geometry
+from warpmis.usd.reading import Reading
+
+Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def clipping_planes(
+    prim: Any, camera: Camera, geometry: Geometry, light_boxes: list[Bounds], reading: Reading
+) -> NDArray[np.float64]:
+    """The planes as Camera.clipping_planes has them, shape (n, 4).
+
+    A clippingRange counts where it is authored: its fallback, from 1 on, would cut into any small scene. Its ends are
+    left out where nothing in view lies beyond them, so that the kernel need not know of them.
+    """
+    schema = UsdGeom.Camera(prim)
+    planes = []
+    near, far = _range(schema, reading)
+    if near > 0.0 and _is_near(camera, near, geometry, light_boxes):
+        planes.append([*camera.forward, -near])
+    depths = (geometry.points - camera.position) @ camera.forward
+    if len(depths) and depths.max() > far:
+        planes.append([*-camera.forward, far])
+    for plane in reading.get(schema.GetClippingPlanesAttr(), ()):
+        a, b, c, d = plane
+        normal = a * camera.right_axis + b * camera.up_axis - c * camera.forward
+        length = np.linalg.norm(normal)
+        if not (np.isfinite([*normal, d]).all() and length > 0.0):
+            reading.warn(prim.GetPath(), f"clipping plane {plane} has no normal; it is left out")
+            continue
+        planes.append([*normal / length, d / length])
+    return np.array(planes, np.float64).reshape(-1, 4)
+
+
+def _range(schema: Any, reading: Reading) -> tuple[float, float]:
+    attribute = schema.GetClippingRangeAttr()
+    if not attribute.HasAuthoredValue():
+        return 0.0, np.inf
+    near, far = reading.get(attribute, (0.0, np.inf))
+    if not near < far:
+        reading.warn(schema.GetPath(), f"clippingRange ({near:g}, {far:g}) is no range; nothing is clipped")
+        return 0.0, np.inf
+    return near, far
+
+
+def _is_near(camera: Camera, near: float, geometry: Geometry, light_boxes: list[Bounds]) -> bool:
+    """Whether a triangle's or light's box meets the box of what the camera sees before the near plane."""
+    axes = np.stack([camera.right_axis, camera.up_axis, camera.forward])
+    left, right, bottom, top = np.array(camera.window) * (1.0 if camera.orthographic else near)
+    low = np.array([min(left, 0.0), min(bottom, 0.0), 0.0]) - camera.lens_radius
+    high = np.array([max(right, 0.0), max(top, 0.0), near]) + camera.lens_radius
+    corners = ((geometry.points - camera.position) @ axes.T)[geometry.triangles]
+    boxes = [(corners.min(axis=1), corners.max(axis=1))] if len(corners) else []
+    for smallest, largest in light_boxes:
+        center, reach = (smallest + largest) / 2 - camera.position, (largest - smallest) / 2
+        boxes.append(((axes @ center - np.abs(axes) @ reach)[None], (axes @ center + np.abs(axes) @ reach)[None]))
+    return any(((low <= largest) & (smallest <= high)).all(axis=1).any() for smallest, largest in boxes)

@@ -1,0 +1,134 @@
+"""RenderProducts: which files a stage's RenderSettings ask for, and which channels of the result go into each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath, PureWindowsPath
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdRender
+
+from warpmis.errors import StageError
+from warpmis.usd.opening import open_stage
+from warpmis.usd.reading import Reading, captured_diagnostics
+from warpmis.usd.settings import settings_prim
+
+# What renderers and light path expressions call the pictures that a result has, in lower case.
+SOURCES = {
+    "color": {"ci", "c.*", "color", "rgb", "rgba", "beauty"},
+    "alpha": {"a", "alpha"},
+    "depth": {"z", "depth", "cameradepth"},
+    "normal": {"n", "nn", "normal", "normals"},
+    "albedo": {"albedo", "basecolor"},
+}
+# The result's channels for each, by the last part of the file's name for them.
+CHANNELS = {
+    "color": {"R": "R", "G": "G", "B": "B"},
+    "alpha": {"A": "A"},
+    "depth": {"Z": "Z"},
+    "normal": {"X": "N.X", "Y": "N.Y", "Z": "N.Z"},
+    "albedo": {"R": "albedo.R", "G": "albedo.G", "B": "albedo.B"},
+}
+# A variable of one of these types brings the coverage along with the colour.
+WITH_ALPHA = {"color4f", "color4h", "color4d", "float4", "half4"}
+
+
+@dataclass(frozen=True)
+class Product:
+    """One picture to render.
+
+    Attributes:
+        path: the RenderProduct prim's.
+        file: the file's name, without a folder, ending in .exr or .png.
+        channels: the file's channels and which of the result's each is; None for all as RenderResult.write has them.
+        warnings: what of it is not honoured.
+    """
+
+    path: str
+    file: str
+    channels: dict[str, str] | None
+    warnings: tuple[str, ...] = ()
+
+
+def read_products(
+    path_or_stage: Any,
+    *,
+    render_settings: str | None = None,
+    time: float | None = None,
+    variants: Sequence[str] = (),
+    mask: Sequence[str] = (),
+    session_layer: str | os.PathLike[str] | None = None,
+) -> tuple[Product, ...]:
+    """The products of the stage's RenderSettings, named as at one time.
+
+    Raises:
+        StageError: the stage cannot be opened, or has no RenderSettings or no products of type raster.
+    """
+    with captured_diagnostics(), np.errstate(all="ignore"):
+        stage = open_stage(path_or_stage, variants, mask, session_layer)
+        code = Usd.TimeCode(stage.GetStartTimeCode() if time is None else time)
+        settings = settings_prim(stage, render_settings)
+        if settings is None:
+            raise StageError("there are no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())
+        products = []
+        for target in settings.GetProductsRel().GetForwardedTargets():
+            prim = stage.GetPrimAtPath(target)
+            reading = Reading(stage, code, frozenset(), 0)
+            if prim and prim.IsA(UsdRender.Product):
+                products.append(_read(UsdRender.Product(prim), reading))
+    if not products:
+        raise StageError("these RenderSettings have no products", str(settings.GetPath()))
+    return tuple(products)
+
+
+def _read(product: Any, reading: Reading) -> Product:
+    path = str(product.GetPath())
+    kind = reading.get(product.GetProductTypeAttr(), "raster")
+    if kind != "raster":
+        reading.warn(path, f"productType {kind} is not supported; a raster is rendered")
+    file = _file_name(product, reading)
+    channels: dict[str, str] = {}
+    targets = product.GetOrderedVarsRel().GetForwardedTargets()
+    for target in targets:
+        channels |= _channels(reading.stage.GetPrimAtPath(target), str(target), reading)
+    if targets and not channels:
+        reading.warn(path, "none of its variables is supported; all channels are written")
+    return Product(path, file, channels or None, tuple(reading.warnings))
+
+
+def _file_name(product: Any, reading: Reading) -> str:
+    """The last part of productName: where the file goes is for the caller to say, not for the stage."""
+    name = str(reading.get(product.GetProductNameAttr(), ""))
+    last = PurePosixPath(PureWindowsPath(name).name).name
+    if last in ("", ".", ".."):
+        return f"{product.GetPrim().GetName()}.exr"
+    if not last.lower().endswith((".exr", ".png")):
+        reading.warn(product.GetPath(), f"{last} is written as {last}.exr; files are .exr or .png")
+        return f"{last}.exr"
+    return last
+
+
+def _channels(prim: Any, path: str, reading: Reading) -> dict[str, str]:
+    """A RenderVar's channels; a layer is named by the prim, unless that is a usual name of what it is."""
+    if not prim or not prim.IsA(UsdRender.Var):
+        reading.warn(path, "there is no RenderVar here")
+        return {}
+    var, name = UsdRender.Var(prim), str(prim.GetName())
+    source = str(reading.get(var.GetSourceNameAttr(), "")) or name
+    found = [what for what, names in SOURCES.items() if source.removeprefix("lpe:").lower() in names]
+    if not found or reading.get(var.GetSourceTypeAttr(), "raw") == "primvar":
+        reading.warn(path, f"the variable {source} is not supported; it is left out")
+        return {}
+    (what,) = found
+    parts = dict(CHANNELS[what])
+    if what == "color" and reading.get(var.GetDataTypeAttr(), "color3f") in WITH_ALPHA:
+        parts |= CHANNELS["alpha"]
+    usual = name.lower() in SOURCES[what]
+    if len(parts) == 1:
+        return {part if usual else name: own for part, own in parts.items()}
+    if what == "color" and usual:
+        return parts
+    return {f"{name}.{part}": own for part, own in parts.items()}
