@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from warpmis.light_control import LightControl
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
 
@@ -23,6 +24,7 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
+        shaping: lights that shine not alike in all directions.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
@@ -40,6 +42,7 @@ class Features:
     dome_picture: bool = False
     mesh_light: bool = False
     delta_light: bool = False
+    shaping: bool = False
     specular: bool = False
     clearcoat: bool = False
     smooth: bool = False
@@ -50,6 +53,11 @@ class Features:
     normal_maps: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
+
+    @property
+    def controlled(self) -> bool:
+        """Whether any light's radiance is not the same in all directions and for all receivers."""
+        return self.shaping
 
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
@@ -76,6 +84,11 @@ def is_delta(light: object) -> bool:
     return isinstance(light, DistantLight) and light.half_angle == 0.0
 
 
+def light_controls(scene: Scene) -> list[LightControl]:
+    """What is asked for of all lights, those made of geometry included."""
+    return [light.control for light in scene.lights] + [prim.control for prim in scene.prims]
+
+
 def detect(scene: Scene) -> Features:
     """The effects that the scene's triangles and lights call for; materials that no triangle uses do not count."""
     used = [scene.materials[i] for i in np.unique(scene.geometry.materials)]
@@ -84,6 +97,7 @@ def detect(scene: Scene) -> Features:
     lookups = [lookup for m in used for lookup in m.lookups.values()]
     extended = [light for light in scene.lights if not is_delta(light)]
     domes = [light for light in extended if isinstance(light, DomeLight)]
+    controls = light_controls(scene)
 
     def has(kind: type) -> bool:
         return any(isinstance(light, kind) for light in extended)
@@ -99,6 +113,7 @@ def detect(scene: Scene) -> Features:
         dome_picture=any(d.picture is not None for d in domes),
         mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
+        shaping=any(control.shaping is not None for control in controls),
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),

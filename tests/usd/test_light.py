@@ -236,9 +236,7 @@ def test_negative_color_component_becomes_zero_with_a_warning():
 
 SHAPING, SHADOW = '"ShapingAPI"', '"ShadowAPI"'
 UNHONOURED = {
-    "focus": (light("RectLight", "float inputs:shaping:focus = 2", apis=SHAPING), "shaping"),
-    "cone": (light("RectLight", "float inputs:shaping:cone:angle = 30", apis=SHAPING), "shaping"),
-    "sphere with the default cone": (light("SphereLight", apis=SHAPING), "shaping"),
+    "cone of a sun": (light("DistantLight", "float inputs:shaping:cone:angle = 30", apis=SHAPING), "shaping"),
     "ies": (light("RectLight", "asset inputs:shaping:ies:file = @a.ies@", apis=SHAPING), "shaping"),
     "shadow": (light("RectLight", "bool inputs:shadow:enable = 0", apis=SHADOW), "shadow controls"),
     "texture": (light("RectLight", "asset inputs:texture:file = @a.exr@"), "texture"),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
@@ -16,6 +17,7 @@ from warpmis.device.views import (
     DISTANT,
     DOME,
     CameraView,
+    ControlView,
     DeltaLightView,
     DomeView,
     LightView,
@@ -24,6 +26,7 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.errors import ConfigError
+from warpmis.light_control import PLAIN
 from warpmis.scene import Camera, Geometry, Scene
 
 # Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
@@ -121,6 +124,8 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
     view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
     if tables.delta_lights:
         view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)
+    if any(control is not PLAIN for control in tables.controls):
+        view.controls = wp.array([control_view(control) for control in tables.controls], dtype=ControlView)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
     if len(tables.emitter_triangles) == 0:

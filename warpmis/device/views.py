@@ -170,6 +170,18 @@ class LightView:
 
 
 @wp.struct
+class ControlView:
+    """How a light's radiance depends on the direction: `to_light` turns directions into the light's frame, where it
+    emits along -Z. The cone fades from cone_start to cone_end [radian], the angles to that axis."""
+
+    to_light: wp.mat33
+    cone_start: float
+    cone_end: float
+    focus: float
+    focus_tint: wp.vec3
+
+
+@wp.struct
 class DeltaLightView:
     """A light of one direction or one point: `vector` is the position or the unit direction towards it, `intensity`
     the radiant intensity or the irradiance."""
@@ -201,8 +213,9 @@ class SceneView:
     """The whole scene.
 
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
-    a mesh light the cumulative share of the light's area; varying: one record, in an array so that the scene stays
-    small: device functions take it by value.
+    a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
+    `delta_lights`, or none at all where nothing is asked of any light; varying: one record, in an array so that the
+    scene stays small: device functions take it by value.
     """
 
     mesh: wp.uint64
@@ -217,6 +230,7 @@ class SceneView:
     finite_light_count: int
     delta_lights: wp.array(dtype=DeltaLightView)
     delta_light_count: int
+    controls: wp.array(dtype=ControlView)
     emitter_bvh: wp.uint64
     emitter_triangles: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)

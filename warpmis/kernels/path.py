@@ -112,7 +112,11 @@ def make_path(features: Features) -> SimpleNamespace:
                 distance = wp.length(to_light)
                 wi = to_light / wp.max(distance, 1.0e-20)
                 falloff = 1.0 / wp.max(distance * distance, 1.0e-20)
+            arriving = light.intensity * falloff
             brings = light.luminance * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
+            if wp.static(features.controlled):
+                arriving = wp.cw_mul(arriving, lights.control(scene, scene.light_count + i, wi))
+                brings = luminance(arriving) * wp.max(wp.dot(frame.n, wi), 0.0)
             if brings > 0.0:
                 # Reservoir of one: the chosen light is kept or replaced, and `left` is uniform again after either.
                 total += brings
@@ -123,7 +127,7 @@ def make_path(features: Features) -> SimpleNamespace:
                     wi_chosen = wi
                     distance_chosen = distance
                     importance = brings
-                    irradiance = light.intensity * falloff
+                    irradiance = arriving
                 else:
                     left = (left - p) / (1.0 - p)
         direct = DirectLight()
@@ -225,7 +229,10 @@ def make_path(features: Features) -> SimpleNamespace:
                         light = scene.lights[triangle.light]
                         of_light = pdf_mesh(light, hit.ng, wi, far) * lights.importance(scene, light, r)
                         weight = balance_weight(pdf_bsdf, lights.density(of_light, r.total))
-                    emission += material.emission * weight
+                    emitted = material.emission * weight
+                    if wp.static(features.controlled):
+                        emitted = wp.cw_mul(emitted, lights.control(scene, triangle.light, wi))
+                    emission += emitted
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:
                 path.direct += wp.cw_mul(beta, emission)

@@ -195,7 +195,8 @@ class StageContents:
             if isinstance(light, EmissiveSurface):
                 count, index = len(light.surface.triangles), self.materials.index(light.material)
                 shading = Shading(np.full(count, index), np.zeros((count, 3, 0), np.float32))
-                self._place(Prim(light.material.path), light.surface, shading, light.matrix[None])
+                prim_of_light = Prim(light.material.path, control=light.control)
+                self._place(prim_of_light, light.surface, shading, light.matrix[None])
             else:
                 self.lights.append(light)
 

@@ -7,6 +7,7 @@ import warp as wp
 from warpmis.device.views import CYLINDER, DISK, DISTANT, DOME, MESH, RECT, SPHERE, LightView, SceneView
 from warpmis.features import Features
 from warpmis.kernels.light.choice import light_importance
+from warpmis.kernels.light.control import make_control
 from warpmis.kernels.light.cylinder import hit_cylinder, sample_cylinder
 from warpmis.kernels.light.disk import hit_disk, sample_disk
 from warpmis.kernels.light.distant import INFINITE_DISTANCE, hit_distant, sample_distant
@@ -68,6 +69,7 @@ class RayLight:
 def make_lights(features: Features) -> SimpleNamespace:
     """Light functions for the kinds in `features`: receiver, importance, sample, sample_range, hit, gather."""
     mesh = make_mesh(features)
+    control = make_control(features)
 
     @wp.func
     def density(of_light: float, total: float) -> float:
@@ -144,6 +146,8 @@ def make_lights(features: Features) -> SimpleNamespace:
         if r.chosen >= 0:
             s = sample_light(scene, scene.lights[r.chosen], r, u)
             s.pdf_solid_angle = s.pdf_solid_angle * r.chosen_importance / r.total
+            if wp.static(features.controlled):
+                s.radiance = wp.cw_mul(s.radiance, control.factor(scene, r.chosen, s.wi))
         return s
 
     @wp.func
@@ -235,6 +239,8 @@ def make_lights(features: Features) -> SimpleNamespace:
                     ray.infinite += of_light
                 # A light flush with a surface shines: hence the tolerance, the same as the shadow ray's.
                 if h.distance * SHADOW_END <= far and h.distance * SHADOW_END > near:
+                    if wp.static(features.controlled):
+                        radiance = wp.cw_mul(radiance, control.factor(scene, i, wi))
                     ray.radiance += radiance
                     ray.weighted += radiance * balance_weight(pdf, density(of_light, r.total))
                     if h.distance < INFINITE_DISTANCE:
@@ -251,4 +257,5 @@ def make_lights(features: Features) -> SimpleNamespace:
         hit=hit,
         gather=gather,
         pdf_emitter_triangles=pdf_emitter_triangles,
+        control=control.factor,
     )

@@ -1,0 +1,124 @@
+"""What UsdLux asks of lights beside their shape, from USD text to pixel, against integrals: within 0.5 %.
+
+As in test_closed_forms.py the camera looks at one point of a floor through a window so narrow that the picture is one
+color.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from pxr import Usd
+
+import warpmis
+
+RHO = 0.5
+STAGE = """#usda 1.0
+(upAxis = "Y")
+def Mesh "Floor" {
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-100, 0, 100), (100, 0, 100), (100, 0, -100), (-100, 0, -100)]
+    color3f[] primvars:displayColor = [(0.5, 0.5, 0.5)]
+}
+def Camera "Camera" {
+    float focalLength = 1
+    float horizontalAperture = 0.001
+    float verticalAperture = 0.001
+    double3 xformOp:translate = (0, 1, 1)
+    float xformOp:rotateX = -45
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
+}
+"""
+SHAPING = 'prepend apiSchemas = ["ShapingAPI"]'
+
+
+def light(kind: str, attributes: str, at: tuple[float, float, float], turn: float = -90, head: str = SHAPING) -> str:
+    """A light that shines down where `turn` is -90."""
+    return f"""def {kind} "Light" ({head}) {{
+        {attributes}
+        double3 xformOp:translate = {at}
+        float xformOp:rotateX = {turn}
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
+    }}
+"""
+
+
+def irradiance(text: str, method: str = "nee", spp: int = 16384, **settings) -> np.ndarray:
+    """Mean irradiance of the floor at the origin, shape (3,)."""
+    stage = Usd.Stage.CreateInMemory()
+    assert stage.GetRootLayer().ImportFromString(STAGE + text)
+    result = warpmis.render(stage, width=8, spp=spp, method=method, max_depth=1, **settings)
+    assert result.stats["rejected_samples"] == 0
+    assert not result.warnings
+    return result.image.astype(np.float64).mean(axis=(0, 1)) * math.pi / RHO
+
+
+def shaped(theta: np.ndarray, angle: float, softness: float, focus: float, tint: np.ndarray) -> np.ndarray:
+    """The schema's formulas, shape (n, 3)."""
+    cutoff = math.radians(angle)
+    t = np.clip((theta - (1.0 - softness) * cutoff) / max(softness * cutoff, 1e-12), 0.0, 1.0)
+    cone = np.where(theta > cutoff, 0.0, 1.0 - t * t * (3.0 - 2.0 * t))
+    share = (np.abs(np.cos(theta)) ** focus)[:, None]
+    return cone[:, None] * (tint * (1.0 - share) + share)
+
+
+@pytest.mark.parametrize("method", ["nee", "balance", "bsdf"])
+def test_disk_with_cone_and_focus_on_its_axis(method: str) -> None:
+    """E = 2 pi integral of L(t) cos t sin t over the disk's angle, t being the angle at the light too."""
+    text = light(
+        "DiskLight",
+        """float inputs:radius = 2
+        float inputs:intensity = 4
+        float inputs:shaping:cone:angle = 50
+        float inputs:shaping:cone:softness = 0.5
+        float inputs:shaping:focus = 3
+        color3f inputs:shaping:focusTint = (0, 0.5, 1)""",
+        (0, 1.5, 0),
+    )
+    widest = math.atan(2.0 / 1.5)
+    theta = (np.arange(20000) + 0.5) / 20000 * widest
+    factor = shaped(theta, 50.0, 0.5, 3.0, np.array([0.0, 0.5, 1.0]))
+    expected = 2 * math.pi * 4.0 * (factor * (np.cos(theta) * np.sin(theta))[:, None]).mean(axis=0) * widest
+    np.testing.assert_allclose(irradiance(text, method), expected, rtol=0.005)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 35.0, 41.0])
+def test_point_with_a_soft_cone_and_focus_off_its_axis(degrees: float) -> None:
+    """E = I cos^3 t / h^2 times the factors of t, below a point light at height h that shines down."""
+    theta = math.radians(degrees)
+    attributes = """bool treatAsPoint = 1
+        bool inputs:normalize = 1
+        float inputs:intensity = 8
+        float inputs:shaping:cone:angle = 40
+        float inputs:shaping:cone:softness = 0.4
+        float inputs:shaping:focus = 5"""
+    found = irradiance(light("SphereLight", attributes, (2.0 * math.tan(theta), 2.0, 0.0)), spp=16)
+    factor = shaped(np.array([theta]), 40.0, 0.4, 5.0, np.zeros(3))[0]
+    np.testing.assert_allclose(found, 2.0 * math.cos(theta) ** 3 / 4.0 * factor, rtol=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["SphereLight", "CylinderLight"])
+def test_sphere_and_cylinder_with_the_api_alone_shine_forwards_only(kind: str) -> None:
+    """Applying ShapingAPI gives them a cone of 90 degrees; a point ahead sees what it saw before."""
+    size = "float inputs:radius = 0.02\nfloat inputs:intensity = 4"
+    assert irradiance(light(kind, size, (0.3, 1.5, 0), turn=90), spp=256).max() == 0.0
+    plain, ahead = (irradiance(light(kind, size, (0.3, 1.5, 0), head=head), spp=256) for head in ("", SHAPING))
+    np.testing.assert_allclose(ahead, plain, rtol=0.005)
+
+
+def test_a_stretched_sphere_is_shaped_as_triangles() -> None:
+    """Far away it is a point: the ratio to the unshaped one is the factor."""
+    stretched = """float inputs:radius = 0.01
+        double3 xformOp:translate = (1, 1, 0)
+        float xformOp:rotateX = -90
+        double3 xformOp:scale = (1, 1, 2)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]
+        float inputs:shaping:cone:angle = 180
+        float inputs:shaping:focus = %s"""
+    shape = 'def SphereLight "Light" (' + SHAPING + ") {\n" + stretched + "\n}\n"
+    plain, focused = (irradiance(shape % focus, spp=4096) for focus in (0, 2))
+    np.testing.assert_allclose(focused / plain, 0.5, rtol=0.02)

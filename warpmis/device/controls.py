@@ -1,0 +1,22 @@
+"""What is asked of a light, as the record that kernels read."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from warpmis.device.views import ControlView
+from warpmis.light_control import EVERYWHERE, LightControl, Shaping
+
+
+def control_view(control: LightControl) -> ControlView:
+    view = ControlView()
+    set_shaping(view, control.shaping or EVERYWHERE)
+    return view
+
+
+def set_shaping(view: ControlView, shaping: Shaping) -> None:
+    view.to_light = wp.mat33(*shaping.to_world.T.ravel())
+    view.cone_start = (1.0 - shaping.cone_softness) * shaping.cone_angle
+    view.cone_end = shaping.cone_angle
+    view.focus = shaping.focus
+    view.focus_tint = tuple(shaping.focus_tint)

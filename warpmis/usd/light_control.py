@@ -1,0 +1,125 @@
+"""UsdLux's controls over what a light does: shaping; and warnings of those that are not honoured."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import UsdLux
+
+from warpmis.light_control import PLAIN, LightControl, Shaping
+from warpmis.usd.reading import MAX_COORDINATE, Reading
+
+Vector = NDArray[np.float64]
+
+# The lights whose emission UsdLuxShapingAPI shapes here: those with a place.
+SHAPED = ("RectLight", "DiskLight", "SphereLight", "CylinderLight")
+
+
+def read_control(prim: Any, matrix: Vector, reading: Reading) -> LightControl:
+    """What is asked of the light at one place, PLAIN for nothing.
+
+    Args:
+        matrix: local to world, USD's row-vector convention, shape (4, 4).
+    """
+    shaping = read_shaping(prim, matrix, reading)
+    return PLAIN if shaping is None else LightControl(shaping=shaping)
+
+
+def read_shaping(prim: Any, matrix: Vector, reading: Reading) -> Shaping | None:
+    """An applied ShapingAPI as far as it changes what the light emits; None where it does not.
+
+    A control that is not a number is left out, with a warning.
+    """
+    if not prim.HasAPI(UsdLux.ShapingAPI) or str(prim.GetTypeName()) not in SHAPED:
+        return None
+    degrees = _number(prim, "inputs:shaping:cone:angle", 90.0, reading)
+    softness = _number(prim, "inputs:shaping:cone:softness", 0.0, reading)
+    focus = _number(prim, "inputs:shaping:focus", 0.0, reading)
+    tint = np.array(reading.get(prim.GetAttribute("inputs:shaping:focusTint"), (0.0, 0.0, 0.0)), np.float64)
+    if not (np.isfinite(tint) & (tint >= 0.0) & (tint < MAX_COORDINATE)).all():
+        reading.warn(prim.GetPath(), "shaping:focusTint is negative or not finite; black is used")
+        tint = np.zeros(3)
+    shaping = Shaping(
+        to_world=nearest_rotation(matrix[:3, :3].T),
+        cone_angle=math.radians(min(max(degrees, 0.0), 180.0)),
+        cone_softness=min(max(softness, 0.0), 1.0),
+        focus=max(focus, 0.0),
+        focus_tint=tint,
+    )
+    return shaping if _changes(shaping, str(prim.GetTypeName())) else None
+
+
+def _changes(shaping: Shaping, type_name: str) -> bool:
+    """Whether a shaping changes the light: flat ones emit no further than 90 degrees off their axis anyway."""
+    widest = math.pi if type_name in ("SphereLight", "CylinderLight") else math.pi / 2
+    focused = shaping.focus > 0.0 and not (shaping.focus_tint == 1.0).all()
+    return focused or shaping.cone_angle < widest or shaping.cone_softness > 0.0
+
+
+def _number(prim: Any, name: str, default: float, reading: Reading) -> float:
+    """A scalar attribute; its default, with a warning, where it is authored as NaN or infinite."""
+    value = reading.number(prim, name, default)
+    if math.isfinite(value):
+        return value
+    reading.warn(prim.GetPath(), f"{name.removeprefix('inputs:')} is not finite; {default:g} is used")
+    return default
+
+
+def nearest_rotation(linear: Vector) -> Vector:
+    """The orthogonal matrix closest to one of shape (3, 3): the axes' directions where there is no shear.
+
+    Reference: Higham (1986), "Computing the Polar Decomposition, with Applications".
+    """
+    left, _, right = np.linalg.svd(linear)
+    return np.asarray(left @ right)
+
+
+def warn_unhonoured(prim: Any, reading: Reading) -> None:
+    """One warning for each thing authored on a light that changes its picture and is not rendered."""
+    path = prim.GetPath()
+    light = UsdLux.LightAPI(prim)
+    found = {
+        "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes_in_vain(prim, reading),
+        "shadow controls": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
+        "light linking": _links(light.GetLightLinkCollectionAPI(), reading),
+        "shadow linking": _links(light.GetShadowLinkCollectionAPI(), reading),
+        "light filters": light.GetFiltersRel().HasAuthoredTargets(),
+        "the diffuse and specular multipliers": reading.get(light.GetDiffuseAttr(), 1.0) != 1.0
+        or reading.get(light.GetSpecularAttr(), 1.0) != 1.0,
+        "the light's texture": "Dome" not in str(prim.GetTypeName()) and authored_texture(prim, reading) is not None,
+    }
+    for feature, present in found.items():
+        if present:
+            reading.warn(path, f"not supported: {feature}; the light is rendered without")
+
+
+def _shapes_in_vain(prim: Any, reading: Reading) -> bool:
+    """Whether an applied ShapingAPI asks for what is not rendered: IES profiles, and anything of lights at infinity."""
+    profile = reading.get(prim.GetAttribute("inputs:shaping:ies:file"))
+    if profile and profile.path:
+        return True
+    names = ("inputs:shaping:focus", "inputs:shaping:cone:angle")
+    return str(prim.GetTypeName()) not in SHAPED and any(prim.GetAttribute(name).HasAuthoredValue() for name in names)
+
+
+def _shadows(prim: Any, reading: Reading) -> bool:
+    """Whether an applied ShadowAPI changes the shadows."""
+    definition = prim.GetPrimDefinition()
+    names = [name for name in definition.GetPropertyNames() if name.startswith("inputs:shadow:")]
+    return any(reading.get(prim.GetAttribute(n)) != definition.GetAttributeFallbackValue(n) for n in names)
+
+
+def _links(collection: Any, reading: Reading) -> bool:
+    """Whether a light's collection leaves anything out."""
+    excludes = collection.GetExcludesRel()
+    everything = reading.get(collection.GetIncludeRootAttr(), True)
+    return bool((excludes and excludes.HasAuthoredTargets()) or not everything)
+
+
+def authored_texture(prim: Any, reading: Reading) -> Any:
+    """The authored texture:file as an Sdf.AssetPath, or None."""
+    asset = reading.get(prim.GetAttribute("inputs:texture:file"))
+    return asset if asset and asset.path else None
