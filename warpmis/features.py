@@ -24,7 +24,7 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
-        shaping: lights that shine not alike in all directions.
+        shaping: lights that shine not alike in all directions; light_pictures: rect lights with a picture.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
@@ -43,6 +43,7 @@ class Features:
     mesh_light: bool = False
     delta_light: bool = False
     shaping: bool = False
+    light_pictures: bool = False
     specular: bool = False
     clearcoat: bool = False
     smooth: bool = False
@@ -57,7 +58,7 @@ class Features:
     @property
     def controlled(self) -> bool:
         """Whether any light's radiance is not the same in all directions and for all receivers."""
-        return self.shaping
+        return self.shaping or self.light_pictures
 
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
@@ -114,6 +115,7 @@ def detect(scene: Scene) -> Features:
         mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
         shaping=any(control.shaping is not None for control in controls),
+        light_pictures=any(control.picture is not None for control in controls),
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,22 @@ class LightControl:
 
     Attributes:
         shaping: where the light shines to; None for everywhere.
+        picture: of a RectLight alone, a factor on its radiance, linear Rec.709, shape (rows, columns, 3) float32, row 0
+            at +half_v and column 0 at +half_u; interpolated between texels.
     """
 
     shaping: Shaping | None = None
+    picture: NDArray[np.float32] | None = None
+
+    @property
+    def asks(self) -> bool:
+        """Whether it changes anything."""
+        return any(getattr(self, f.name) is not f.default for f in fields(self))
+
+    @property
+    def mean_share(self) -> NDArray[np.float64]:
+        """What the picture leaves of the radiance on average, shape (3,)."""
+        return np.ones(3) if self.picture is None else self.picture.astype(np.float64).mean(axis=(0, 1))
 
 
 PLAIN = LightControl()

@@ -7,10 +7,12 @@ color.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pxr import Usd
+from usd.pictures import write
 
 import warpmis
 
@@ -122,3 +124,17 @@ def test_a_stretched_sphere_is_shaped_as_triangles() -> None:
     shape = 'def SphereLight "Light" (' + SHAPING + ") {\n" + stretched + "\n}\n"
     plain, focused = (irradiance(shape % focus, spp=4096) for focus in (0, 2))
     np.testing.assert_allclose(focused / plain, 0.5, rtol=0.02)
+
+
+@pytest.mark.parametrize("method", ["nee", "balance", "bsdf"])
+def test_rect_light_with_a_picture_of_two_halves(method: str, tmp_path: Path) -> None:
+    """E of each half is the integral of L cos cos / d^2 over it: red shines from the light's +X, green from its -X."""
+    halves = np.zeros((4, 64, 3))
+    halves[:, :32, 0], halves[:, 32:, 1] = 1.0, 0.5
+    path = write(tmp_path / "halves.exr", halves)
+    size = "float inputs:width = 3\nfloat inputs:height = 2\nfloat inputs:intensity = 4"
+    text = light("RectLight", f"{size}\nasset inputs:texture:file = @{path}@", (0.5, 1.2, 0.0), head="")
+    x, z = np.meshgrid((np.arange(600) + 0.5) / 200 - 1.5, (np.arange(400) + 0.5) / 200 - 1.0)
+    form = 1.2**2 / ((x + 0.5) ** 2 + 1.2**2 + z**2) ** 2 * 200.0**-2
+    expected = [4.0 * form[x > 0].sum(), 2.0 * form[x < 0].sum(), 0.0]
+    np.testing.assert_allclose(irradiance(text, method, spp=32768), expected, rtol=0.005)

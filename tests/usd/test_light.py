@@ -239,7 +239,6 @@ UNHONOURED = {
     "cone of a sun": (light("DistantLight", "float inputs:shaping:cone:angle = 30", apis=SHAPING), "shaping"),
     "ies": (light("RectLight", "asset inputs:shaping:ies:file = @a.ies@", apis=SHAPING), "shaping"),
     "shadow": (light("RectLight", "bool inputs:shadow:enable = 0", apis=SHADOW), "shadow controls"),
-    "texture": (light("RectLight", "asset inputs:texture:file = @a.exr@"), "texture"),
     "filters": (light("RectLight", "rel light:filters = </F>"), "filters"),
     "light link": (light("RectLight", "rel collection:lightLink:excludes = </C>"), "light linking"),
     "shadow link": (light("RectLight", "uniform bool collection:shadowLink:includeRoot = 0"), "shadow linking"),

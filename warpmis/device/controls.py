@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from warpmis.device.views import ControlView
@@ -11,6 +12,8 @@ from warpmis.light_control import EVERYWHERE, LightControl, Shaping
 def control_view(control: LightControl) -> ControlView:
     view = ControlView()
     set_shaping(view, control.shaping or EVERYWHERE)
+    if control.picture is not None:
+        view.picture = wp.array(np.ascontiguousarray(control.picture), dtype=wp.vec3)
     return view
 
 

@@ -79,8 +79,11 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
 
 
 def add_records(tables: LightTables, lights: list[Light]) -> None:
-    tables.lights += [record(light) for light in lights]
-    tables.controls += [light.control for light in lights]
+    for light in lights:
+        view = record(light)
+        view.luminance = float(np.dot(light.radiance * light.control.mean_share, LUMINANCE))
+        tables.lights.append(view)
+        tables.controls.append(light.control)
 
 
 def blank_record(kind: int, radiance: NDArray[np.float64]) -> LightView:

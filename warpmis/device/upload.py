@@ -26,7 +26,6 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.errors import ConfigError
-from warpmis.light_control import PLAIN
 from warpmis.scene import Camera, Geometry, Scene
 
 # Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
@@ -62,8 +61,8 @@ def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceS
         view = SceneView()
         mesh = upload_mesh(view, geometry)
         varying = upload_surfaces(view, scene, geometry, tables)
-        tree = upload_lights(view, geometry, tables, mis_compensation)
-    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, tree, varying))
+        lights = upload_lights(view, geometry, tables, mis_compensation)
+    return DeviceScene(view, camera_view(scene.camera, scene.resolution), (mesh, *lights, varying))
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -118,24 +117,26 @@ def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: L
     return upload_materials(view, material_tables(scene), geometry.primvars)
 
 
-def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> wp.Bvh | None:
+def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:
+    """The lights into the view; what it then points into is returned, to be kept alive."""
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
     view.finite_light_count = sum(light.kind not in (DISTANT, DOME) for light in tables.lights)
     view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
     if tables.delta_lights:
         view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)
-    if any(control is not PLAIN for control in tables.controls):
-        view.controls = wp.array([control_view(control) for control in tables.controls], dtype=ControlView)
+    controls = [control_view(control) for control in tables.controls] if any(c.asks for c in tables.controls) else []
+    if controls:
+        view.controls = wp.array(controls, dtype=ControlView)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
     if len(tables.emitter_triangles) == 0:
-        return None
+        return (controls,)
     view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
     view.emitter_cdf = wp.array(tables.emitter_cdf, dtype=float)
     corners = geometry.points[geometry.triangles[tables.emitter_triangles]]
     tree = wp.Bvh(wp.array(corners.min(axis=1), dtype=wp.vec3), wp.array(corners.max(axis=1), dtype=wp.vec3))
     view.emitter_bvh = tree.id
-    return tree
+    return tree, controls
 
 
 def dome_view(tables: LightTables, mis_compensation: bool) -> DomeView:

@@ -172,13 +172,15 @@ class LightView:
 @wp.struct
 class ControlView:
     """How a light's radiance depends on the direction: `to_light` turns directions into the light's frame, where it
-    emits along -Z. The cone fades from cone_start to cone_end [radian], the angles to that axis."""
+    emits along -Z. The cone fades from cone_start to cone_end [radian], the angles to that axis. picture: of a rect
+    light, with row 0 at +v and column 0 at +u; empty for none."""
 
     to_light: wp.mat33
     cone_start: float
     cone_end: float
     focus: float
     focus_tint: wp.vec3
+    picture: wp.array2d(dtype=wp.vec3)
 
 
 @wp.struct

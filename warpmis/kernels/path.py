@@ -115,7 +115,7 @@ def make_path(features: Features) -> SimpleNamespace:
             arriving = light.intensity * falloff
             brings = light.luminance * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
             if wp.static(features.controlled):
-                arriving = wp.cw_mul(arriving, lights.control(scene, scene.light_count + i, wi))
+                arriving = wp.cw_mul(arriving, lights.control(scene, scene.light_count + i, r.x, wi))
                 brings = luminance(arriving) * wp.max(wp.dot(frame.n, wi), 0.0)
             if brings > 0.0:
                 # Reservoir of one: the chosen light is kept or replaced, and `left` is uniform again after either.
@@ -231,7 +231,7 @@ def make_path(features: Features) -> SimpleNamespace:
                         weight = balance_weight(pdf_bsdf, lights.density(of_light, r.total))
                     emitted = material.emission * weight
                     if wp.static(features.controlled):
-                        emitted = wp.cw_mul(emitted, lights.control(scene, triangle.light, wi))
+                        emitted = wp.cw_mul(emitted, lights.control(scene, triangle.light, r.x, wi))
                     emission += emitted
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:

@@ -26,8 +26,8 @@ from warpmis.scene import (
     SphereLight,
 )
 from warpmis.usd.geometry import Surface, cofactors
-from warpmis.usd.image import Float32Array, PictureError, read_picture, without_invalid_texels
-from warpmis.usd.light_control import authored_texture, read_control, warn_unhonoured
+from warpmis.usd.light_control import read_control, warn_unhonoured
+from warpmis.usd.light_picture import read_dome_picture
 from warpmis.usd.primitives import along_axis, open_cylinder, sphere
 from warpmis.usd.reading import MAX_COORDINATE, Reading
 
@@ -239,35 +239,13 @@ def _dome(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Li
     to_world = left @ right
     if _has_z_pole(prim, reading):
         to_world = to_world @ Z_POLE
-    return DomeLight(emission.path, to_world, emission.radiance, _dome_picture(prim, reading))
+    return DomeLight(emission.path, to_world, emission.radiance, read_dome_picture(prim, reading))
 
 
 def _has_z_pole(prim: Any, reading: Reading) -> bool:
     """Whether a DomeLight_1's own pole is +Z, not +Y."""
     pole = str(reading.get(prim.GetAttribute("poleAxis"), "Y"))
     return pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(reading.stage) == UsdGeom.Tokens.z)
-
-
-def _dome_picture(prim: Any, reading: Reading) -> Float32Array | None:
-    """The dome's lat-long picture; None without one and, with a warning, where it cannot be used."""
-    path = prim.GetPath()
-    asset = authored_texture(prim, reading)
-    if asset is None:
-        return None
-    layout = str(reading.get(prim.GetAttribute("inputs:texture:format"), "automatic"))
-    if layout not in ("automatic", "latlong"):
-        reading.warn(path, f"texture:format {layout} is not supported; the dome is rendered in its plain color")
-        return None
-    try:
-        if not asset.resolvedPath:
-            raise PictureError(f"{asset.path} does not exist")
-        pixels, invalid = without_invalid_texels(read_picture(asset.resolvedPath))
-    except PictureError as error:
-        reading.warn(path, f"the dome is rendered in its plain color: {error}")
-        return None
-    if invalid:
-        reading.warn(path, f"{invalid} texels of {asset.path} are negative or not finite; 0 is used there")
-    return pixels
 
 
 def uniform_scale(linear: Vector) -> float | None:

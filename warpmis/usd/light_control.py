@@ -1,4 +1,4 @@
-"""UsdLux's controls over what a light does: shaping; and warnings of those that are not honoured."""
+"""UsdLux's controls over what a light does: shaping, pictures; and warnings of those that are not honoured."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pxr import UsdLux
 
 from warpmis.light_control import PLAIN, LightControl, Shaping
+from warpmis.usd.light_picture import read_light_picture
 from warpmis.usd.reading import MAX_COORDINATE, Reading
 
 Vector = NDArray[np.float64]
@@ -24,8 +25,23 @@ def read_control(prim: Any, matrix: Vector, reading: Reading) -> LightControl:
     Args:
         matrix: local to world, USD's row-vector convention, shape (4, 4).
     """
-    shaping = read_shaping(prim, matrix, reading)
-    return PLAIN if shaping is None else LightControl(shaping=shaping)
+    control = LightControl(
+        shaping=read_shaping(prim, matrix, reading),
+        picture=read_rect_picture(prim, matrix, reading),
+    )
+    return control if control.asks else PLAIN
+
+
+def read_rect_picture(prim: Any, matrix: Vector, reading: Reading) -> NDArray[np.float32] | None:
+    """A RectLight's picture; seen from where it shines to it stands upright, its left side at the local +X.
+
+    Where the transform mirrors, `RectLight.half_u` is the opposite of the local X, and so is the picture.
+    """
+    if str(prim.GetTypeName()) != "RectLight":
+        return None
+    pixels = read_light_picture(prim, reading)
+    mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+    return pixels[:, ::-1] if pixels is not None and mirrored else pixels
 
 
 def read_shaping(prim: Any, matrix: Vector, reading: Reading) -> Shaping | None:
@@ -89,7 +105,6 @@ def warn_unhonoured(prim: Any, reading: Reading) -> None:
         "light filters": light.GetFiltersRel().HasAuthoredTargets(),
         "the diffuse and specular multipliers": reading.get(light.GetDiffuseAttr(), 1.0) != 1.0
         or reading.get(light.GetSpecularAttr(), 1.0) != 1.0,
-        "the light's texture": "Dome" not in str(prim.GetTypeName()) and authored_texture(prim, reading) is not None,
     }
     for feature, present in found.items():
         if present:
@@ -117,9 +132,3 @@ def _links(collection: Any, reading: Reading) -> bool:
     excludes = collection.GetExcludesRel()
     everything = reading.get(collection.GetIncludeRootAttr(), True)
     return bool((excludes and excludes.HasAuthoredTargets()) or not everything)
-
-
-def authored_texture(prim: Any, reading: Reading) -> Any:
-    """The authored texture:file as an Sdf.AssetPath, or None."""
-    asset = reading.get(prim.GetAttribute("inputs:texture:file"))
-    return asset if asset and asset.path else None

@@ -147,7 +147,7 @@ def make_lights(features: Features) -> SimpleNamespace:
             s = sample_light(scene, scene.lights[r.chosen], r, u)
             s.pdf_solid_angle = s.pdf_solid_angle * r.chosen_importance / r.total
             if wp.static(features.controlled):
-                s.radiance = wp.cw_mul(s.radiance, control.factor(scene, r.chosen, s.wi))
+                s.radiance = wp.cw_mul(s.radiance, control.factor(scene, r.chosen, r.x, s.wi))
         return s
 
     @wp.func
@@ -240,7 +240,7 @@ def make_lights(features: Features) -> SimpleNamespace:
                 # A light flush with a surface shines: hence the tolerance, the same as the shadow ray's.
                 if h.distance * SHADOW_END <= far and h.distance * SHADOW_END > near:
                     if wp.static(features.controlled):
-                        radiance = wp.cw_mul(radiance, control.factor(scene, i, wi))
+                        radiance = wp.cw_mul(radiance, control.factor(scene, i, r.x, wi))
                     ray.radiance += radiance
                     ray.weighted += radiance * balance_weight(pdf, density(of_light, r.total))
                     if h.distance < INFINITE_DISTANCE:
