@@ -24,7 +24,10 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
-        shaping: lights that shine not alike in all directions; light_pictures: rect lights with a picture.
+        shaping: lights that shine not alike in all directions; light_pictures: rect lights with a picture;
+            light_tints: geometry that lights in another color than it glows; light_response: lights that diffuse and
+            specular lobes see differently; light_links, shadow_links: lights that do not reach all prims, or that not
+            all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
@@ -44,6 +47,10 @@ class Features:
     delta_light: bool = False
     shaping: bool = False
     light_pictures: bool = False
+    light_tints: bool = False
+    light_response: bool = False
+    light_links: bool = False
+    shadow_links: bool = False
     specular: bool = False
     clearcoat: bool = False
     smooth: bool = False
@@ -58,7 +65,8 @@ class Features:
     @property
     def controlled(self) -> bool:
         """Whether any light's radiance is not the same in all directions and for all receivers."""
-        return self.shaping or self.light_pictures
+        asked = (self.shaping, self.light_pictures, self.light_tints, self.light_response)
+        return any((*asked, self.light_links, self.shadow_links))
 
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
@@ -116,6 +124,10 @@ def detect(scene: Scene) -> Features:
         delta_light=len(extended) < len(scene.lights),
         shaping=any(control.shaping is not None for control in controls),
         light_pictures=any(control.picture is not None for control in controls),
+        light_tints=any(control.tint is not None for control in controls),
+        light_response=any(control.changes_response for control in controls),
+        light_links=any(control.illuminates is not None for control in controls),
+        shadow_links=any(control.shadow_casters is not None for control in controls),
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),

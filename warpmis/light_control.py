@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,20 +37,36 @@ class LightControl:
         shaping: where the light shines to; None for everywhere.
         picture: of a RectLight alone, a factor on its radiance, linear Rec.709, shape (rows, columns, 3) float32, row 0
             at +half_v and column 0 at +half_u; interpolated between texels.
+        tint: of a light made of geometry, a factor on what its material emits, seen by surfaces but not by the camera,
+            shape (3,) float64; None for 1.
+        diffuse, specular: factors on what the diffuse and the specular lobes of materials make of the light.
+        illuminates: which of Scene.prims the light reaches, shape (prims,) bool; None for all.
+        shadow_casters: which of Scene.prims stand in its way, shape (prims,) bool; None for all.
     """
 
     shaping: Shaping | None = None
     picture: NDArray[np.float32] | None = None
+    tint: NDArray[np.float64] | None = None
+    diffuse: float = 1.0
+    specular: float = 1.0
+    illuminates: NDArray[np.bool_] | None = None
+    shadow_casters: NDArray[np.bool_] | None = None
 
     @property
     def asks(self) -> bool:
         """Whether it changes anything."""
-        return any(getattr(self, f.name) is not f.default for f in fields(self))
+        given = (self.shaping, self.picture, self.tint, self.illuminates, self.shadow_casters)
+        return self.changes_response or any(value is not None for value in given)
+
+    @property
+    def changes_response(self) -> bool:
+        return (self.diffuse, self.specular) != (1.0, 1.0)
 
     @property
     def mean_share(self) -> NDArray[np.float64]:
-        """What the picture leaves of the radiance on average, shape (3,)."""
-        return np.ones(3) if self.picture is None else self.picture.astype(np.float64).mean(axis=(0, 1))
+        """What picture and tint make of the radiance on average, shape (3,)."""
+        picture = np.ones(3) if self.picture is None else self.picture.astype(np.float64).mean(axis=(0, 1))
+        return picture if self.tint is None else picture * self.tint
 
 
 PLAIN = LightControl()

@@ -49,10 +49,10 @@ def light(kind: str, attributes: str, at: tuple[float, float, float], turn: floa
 """
 
 
-def irradiance(text: str, method: str = "nee", spp: int = 16384, **settings) -> np.ndarray:
+def irradiance(text: str, method: str = "nee", spp: int = 16384, stage_text: str = STAGE, **settings) -> np.ndarray:
     """Mean irradiance of the floor at the origin, shape (3,)."""
     stage = Usd.Stage.CreateInMemory()
-    assert stage.GetRootLayer().ImportFromString(STAGE + text)
+    assert stage.GetRootLayer().ImportFromString(stage_text + text)
     result = warpmis.render(stage, width=8, spp=spp, method=method, max_depth=1, **settings)
     assert result.stats["rejected_samples"] == 0
     assert not result.warnings

@@ -14,6 +14,12 @@ def control_view(control: LightControl) -> ControlView:
     set_shaping(view, control.shaping or EVERYWHERE)
     if control.picture is not None:
         view.picture = wp.array(np.ascontiguousarray(control.picture), dtype=wp.vec3)
+    view.tint = (1.0, 1.0, 1.0) if control.tint is None else tuple(control.tint)
+    view.diffuse, view.specular = control.diffuse, control.specular
+    if control.illuminates is not None:
+        view.reaches = wp.array(control.illuminates.astype(np.int32), dtype=int)
+    if control.shadow_casters is not None:
+        view.shadowed_by = wp.array(control.shadow_casters.astype(np.int32), dtype=int)
     return view
 
 

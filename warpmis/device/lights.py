@@ -165,7 +165,10 @@ def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> No
     cdfs = []
     for first, group in zip(starts, np.split(order, starts[1:]), strict=True):
         triangle = shining[group[0]]
-        view = blank_record(MESH, np.array(scene.materials[geometry.materials[triangle]].mean_emission))
+        control = scene.prims[geometry.prims[triangle]].control
+        emission = np.array(scene.materials[geometry.materials[triangle]].mean_emission)
+        view = blank_record(MESH, emission)
+        view.luminance = float(np.dot(emission * control.mean_share, LUMINANCE))
         points = corners[group].reshape(-1, 3)
         center = 0.5 * (points.min(axis=0) + points.max(axis=0))
         view.center = tuple(center)
@@ -175,7 +178,7 @@ def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> No
         view.two_sided = int(scene.prims[geometry.prims[triangle]].double_sided)
         tables.triangle_light[shining[group]] = len(tables.lights)
         tables.lights.append(view)
-        tables.controls.append(scene.prims[geometry.prims[triangle]].control)
+        tables.controls.append(control)
         share = np.cumsum(areas[group])
         cdfs.append((share / share[-1]).astype(np.float32))
     tables.emitter_triangles = shining[order].astype(np.int32)

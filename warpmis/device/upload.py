@@ -127,6 +127,7 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
     controls = [control_view(control) for control in tables.controls] if any(c.asks for c in tables.controls) else []
     if controls:
         view.controls = wp.array(controls, dtype=ControlView)
+        view.prims = wp.array(geometry.prims, dtype=int)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
     if len(tables.emitter_triangles) == 0:

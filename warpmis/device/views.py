@@ -173,7 +173,9 @@ class LightView:
 class ControlView:
     """How a light's radiance depends on the direction: `to_light` turns directions into the light's frame, where it
     emits along -Z. The cone fades from cone_start to cone_end [radian], the angles to that axis. picture: of a rect
-    light, with row 0 at +v and column 0 at +u; empty for none."""
+    light, with row 0 at +v and column 0 at +u; tint: what surfaces see of the radiance, but not the camera; diffuse,
+    specular: what the lobes see of it; reaches, shadowed_by: 1 for each prim that the light reaches and that stands in
+    its way. An array is empty where nothing is asked."""
 
     to_light: wp.mat33
     cone_start: float
@@ -181,6 +183,11 @@ class ControlView:
     focus: float
     focus_tint: wp.vec3
     picture: wp.array2d(dtype=wp.vec3)
+    tint: wp.vec3
+    diffuse: float
+    specular: float
+    reaches: wp.array(dtype=int)
+    shadowed_by: wp.array(dtype=int)
 
 
 @wp.struct
@@ -216,8 +223,8 @@ class SceneView:
 
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
     a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
-    `delta_lights`, or none at all where nothing is asked of any light; varying: one record, in an array so that the
-    scene stays small: device functions take it by value.
+    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls;
+    varying: one record, in an array so that the scene stays small: device functions take it by value.
     """
 
     mesh: wp.uint64
@@ -233,6 +240,7 @@ class SceneView:
     delta_lights: wp.array(dtype=DeltaLightView)
     delta_light_count: int
     controls: wp.array(dtype=ControlView)
+    prims: wp.array(dtype=int)
     emitter_bvh: wp.uint64
     emitter_triangles: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)

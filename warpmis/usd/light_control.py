@@ -1,4 +1,4 @@
-"""UsdLux's controls over what a light does: shaping, pictures; and warnings of those that are not honoured."""
+"""UsdLux's controls over what a light does, shaping, pictures, multipliers; warnings of those not honoured."""
 
 from __future__ import annotations
 
@@ -28,6 +28,8 @@ def read_control(prim: Any, matrix: Vector, reading: Reading) -> LightControl:
     control = LightControl(
         shaping=read_shaping(prim, matrix, reading),
         picture=read_rect_picture(prim, matrix, reading),
+        diffuse=_multiplier(prim, "inputs:diffuse", reading),
+        specular=_multiplier(prim, "inputs:specular", reading),
     )
     return control if control.asks else PLAIN
 
@@ -75,6 +77,14 @@ def _changes(shaping: Shaping, type_name: str) -> bool:
     return focused or shaping.cone_angle < widest or shaping.cone_softness > 0.0
 
 
+def _multiplier(prim: Any, name: str, reading: Reading) -> float:
+    """A factor on what materials make of the light; 0, with a warning, where it is negative."""
+    value = _number(prim, name, 1.0, reading)
+    if value < 0.0:
+        reading.warn(prim.GetPath(), f"{name} is negative; 0 is used")
+    return max(value, 0.0)
+
+
 def _number(prim: Any, name: str, default: float, reading: Reading) -> float:
     """A scalar attribute; its default, with a warning, where it is authored as NaN or infinite."""
     value = reading.number(prim, name, default)
@@ -99,12 +109,8 @@ def warn_unhonoured(prim: Any, reading: Reading) -> None:
     light = UsdLux.LightAPI(prim)
     found = {
         "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes_in_vain(prim, reading),
-        "shadow controls": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
-        "light linking": _links(light.GetLightLinkCollectionAPI(), reading),
-        "shadow linking": _links(light.GetShadowLinkCollectionAPI(), reading),
+        "shadow color, distance and falloff": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
         "light filters": light.GetFiltersRel().HasAuthoredTargets(),
-        "the diffuse and specular multipliers": reading.get(light.GetDiffuseAttr(), 1.0) != 1.0
-        or reading.get(light.GetSpecularAttr(), 1.0) != 1.0,
     }
     for feature, present in found.items():
         if present:
@@ -121,14 +127,8 @@ def _shapes_in_vain(prim: Any, reading: Reading) -> bool:
 
 
 def _shadows(prim: Any, reading: Reading) -> bool:
-    """Whether an applied ShadowAPI changes the shadows."""
+    """Whether an applied ShadowAPI changes the shadows, beside turning them off."""
     definition = prim.GetPrimDefinition()
     names = [name for name in definition.GetPropertyNames() if name.startswith("inputs:shadow:")]
+    names.remove("inputs:shadow:enable")
     return any(reading.get(prim.GetAttribute(n)) != definition.GetAttributeFallbackValue(n) for n in names)
-
-
-def _links(collection: Any, reading: Reading) -> bool:
-    """Whether a light's collection leaves anything out."""
-    excludes = collection.GetExcludesRel()
-    everything = reading.get(collection.GetIncludeRootAttr(), True)
-    return bool((excludes and excludes.HasAuthoredTargets()) or not everything)

@@ -6,7 +6,11 @@ import warp as wp
 
 from warpmis.device.views import ControlView, LightView, SceneView
 from warpmis.features import Features
+from warpmis.kernels.frame import luminance, to_local
+from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
 from warpmis.kernels.light.area import plane_hit
+from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.material import make_material
 
 wp.set_module_options({"enable_backward": False})
 
@@ -51,19 +55,85 @@ def picture_factor(control: ControlView, light: LightView, x: wp.vec3, wi: wp.ve
 
 
 def make_control(features: Features) -> SimpleNamespace:
-    """The function `factor` for the lights in `features`."""
+    """For the lights in `features`: prim_of, factor, response, has_own_shadows, transmittance."""
+    intersect = make_intersect(features)
+    materials = make_material(features)
 
     @wp.func
-    def factor(scene: SceneView, index: int, x: wp.vec3, wi: wp.vec3) -> wp.vec3:
-        """What the light of that row in SceneView.controls sends to x, against wi, as a share of its radiance."""
+    def prim_of(scene: SceneView, triangle: int) -> int:
+        """Receiver.prim of a point on the triangle."""
+        if scene.controls.shape[0] == 0:
+            return 1
+        return scene.prims[triangle] + 1
+
+    @wp.func
+    def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
+        """What the light of that row in SceneView.controls sends to r, against wi, as a share of its radiance."""
         share = wp.vec3(1.0, 1.0, 1.0)
-        if index < scene.controls.shape[0]:
-            control = scene.controls[index]
-            if wp.static(features.shaping):
-                share = shaping_factor(control, control.to_light * -wi)
-            if wp.static(features.light_pictures):
-                if index < scene.light_count:
-                    share = wp.cw_mul(share, picture_factor(control, scene.lights[index], x, wi))
+        if index >= scene.controls.shape[0]:
+            return share
+        control = scene.controls[index]
+        if wp.static(features.light_links):
+            if r.prim > 0 and control.reaches.shape[0] > 0:
+                if control.reaches[r.prim - 1] == 0:
+                    return wp.vec3(0.0, 0.0, 0.0)
+        if wp.static(features.shaping):
+            share = shaping_factor(control, control.to_light * -wi)
+        if wp.static(features.light_pictures):
+            if index < scene.light_count:
+                share = wp.cw_mul(share, picture_factor(control, scene.lights[index], r.x, wi))
+        if wp.static(features.light_tints):
+            if r.prim > 0:
+                share = wp.cw_mul(share, control.tint)
         return share
 
-    return SimpleNamespace(factor=factor)
+    @wp.func
+    def response(scene: SceneView, index: int, diffuse: wp.vec3) -> wp.vec3:
+        """What the lobes make of the light, of which the diffuse one scatters the share `diffuse`."""
+        one = wp.vec3(1.0, 1.0, 1.0)
+        if index >= scene.controls.shape[0]:
+            return one
+        control = scene.controls[index]
+        return diffuse * control.diffuse + (one - diffuse) * control.specular
+
+    @wp.func
+    def has_own_shadows(scene: SceneView, index: int, r: Receiver) -> bool:
+        """Whether a surface sees the light through what other lights are blocked by. The camera does not."""
+        if r.prim == 0 or index >= scene.controls.shape[0]:
+            return False
+        return scene.controls[index].shadowed_by.shape[0] > 0
+
+    @wp.func
+    def transmittance(scene: SceneView, index: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """What a shadow ray leaves of the light: surfaces of prims that cast no shadow from it let it pass."""
+        if index >= scene.controls.shape[0]:
+            return intersect.transmittance(scene, origin, wi, distance)
+        control = scene.controls[index]
+        if control.shadowed_by.shape[0] == 0:
+            return intersect.transmittance(scene, origin, wi, distance)
+        share = wp.vec3(1.0, 1.0, 1.0)
+        start = origin
+        left = distance
+        for _passed in range(MAX_PASSED):
+            hit = closest_hit(scene, start, wi)
+            if hit.distance >= left:
+                return share
+            if control.shadowed_by[scene.prims[hit.triangle]] != 0:
+                if wp.static(not features.opacity):
+                    return wp.vec3(0.0, 0.0, 0.0)
+                material = materials.at(scene, hit.triangle, hit.u, hit.v)
+                cos_theta = to_local(intersect.shading_frame(scene, hit, wi), -wi)[2]
+                share = wp.cw_mul(share, intersect.passed(material, cos_theta))
+                if luminance(share) <= 0.0:
+                    return share
+            left -= hit.distance
+            start = hit.p - hit.ng * hit.offset
+        return wp.vec3(0.0, 0.0, 0.0)
+
+    return SimpleNamespace(
+        prim_of=prim_of,
+        factor=factor,
+        response=response,
+        has_own_shadows=has_own_shadows,
+        transmittance=transmittance,
+    )
