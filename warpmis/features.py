@@ -24,10 +24,10 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
-        shaping: lights that shine not alike in all directions; light_pictures: rect lights with a picture;
-            light_tints: geometry that lights in another color than it glows; light_response: lights that diffuse and
-            specular lobes see differently; light_links, shadow_links: lights that do not reach all prims, or that not
-            all prims stand in the way of.
+        shaping: lights that shine not alike in all directions; ies: those by a profile.
+        light_pictures: rect lights with a picture; light_tints: geometry that lights in another color than it glows.
+        light_response: lights that diffuse and specular lobes see differently.
+        light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
@@ -46,6 +46,7 @@ class Features:
     mesh_light: bool = False
     delta_light: bool = False
     shaping: bool = False
+    ies: bool = False
     light_pictures: bool = False
     light_tints: bool = False
     light_response: bool = False
@@ -123,6 +124,7 @@ def detect(scene: Scene) -> Features:
         mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
         shaping=any(control.shaping is not None for control in controls),
+        ies=any(control.shaping is not None and control.shaping.ies is not None for control in controls),
         light_pictures=any(control.picture is not None for control in controls),
         light_tints=any(control.tint is not None for control in controls),
         light_response=any(control.changes_response for control in controls),

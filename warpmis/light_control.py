@@ -10,10 +10,45 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
+class IesProfile:
+    """Luminous intensity over directions, linear between its angles and 0 beyond the vertical ones.
+
+    Attributes:
+        vertical: angles from the light's axis, shape (v,) float64 [radian], ascending.
+        horizontal: angles about it, from the light's +X towards +Y, shape (h,) float64 [radian], ascending, a full
+            turn.
+        candela: shape (h, v) float64, not negative.
+    """
+
+    vertical: NDArray[np.float64]
+    horizontal: NDArray[np.float64]
+    candela: NDArray[np.float64]
+
+    @property
+    def mean(self) -> float:
+        """Mean intensity over the sphere: the profile's power over 4 pi."""
+        theta = (np.arange(7200) + 0.5) / 7200 * np.pi
+        around = np.trapezoid(_within_a_turn(self), axis=0, x=np.linspace(0.0, 1.0, TURN_STEPS + 1))
+        intensity = np.interp(theta, self.vertical, around, left=0.0, right=0.0)
+        return float((intensity * np.sin(theta)).mean() * np.pi / 2.0)
+
+
+TURN_STEPS = 1440
+
+
+def _within_a_turn(profile: IesProfile) -> NDArray[np.float64]:
+    """Intensities at TURN_STEPS + 1 horizontal angles from 0 to 2 pi."""
+    phi = np.linspace(0.0, 2.0 * np.pi, TURN_STEPS + 1)
+    return np.stack([np.interp(phi, profile.horizontal, column) for column in profile.candela.T], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
 class Shaping:
     """The share of a light's radiance that leaves in a direction (UsdLuxShapingAPI), with the angle t to the axis:
 
-    lerp(|cos t|^focus, focus_tint, 1) (1 - smoothstep(t; (1 - cone_softness) cone_angle, cone_angle)).
+    lerp(|cos t|^focus, focus_tint, 1) (1 - smoothstep(t; (1 - cone_softness) cone_angle, cone_angle))
+
+    times the intensity of `ies`, at t / ies_angle_scale, or (t - pi) / -ies_angle_scale + pi for a negative one.
 
     Attributes:
         to_world: the light's axes, of which it emits along -Z, orthogonal, shape (3, 3) float64, used as
@@ -27,6 +62,8 @@ class Shaping:
     cone_softness: float = 0.0
     focus: float = 0.0
     focus_tint: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    ies: IesProfile | None = None
+    ies_angle_scale: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +101,10 @@ class LightControl:
 
     @property
     def mean_share(self) -> NDArray[np.float64]:
-        """What picture and tint make of the radiance on average, shape (3,)."""
+        """What picture, tint and profile make of the radiance on average, shape (3,)."""
+        share = self.shaping.ies.mean if self.shaping and self.shaping.ies else 1.0
         picture = np.ones(3) if self.picture is None else self.picture.astype(np.float64).mean(axis=(0, 1))
-        return picture if self.tint is None else picture * self.tint
+        return share * (picture if self.tint is None else picture * self.tint)
 
 
 PLAIN = LightControl()

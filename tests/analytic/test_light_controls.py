@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from pxr import Usd
 from usd.pictures import write
+from usd.test_ies import profile
 
 import warpmis
 
@@ -138,3 +139,44 @@ def test_rect_light_with_a_picture_of_two_halves(method: str, tmp_path: Path) ->
     form = 1.2**2 / ((x + 0.5) ** 2 + 1.2**2 + z**2) ** 2 * 200.0**-2
     expected = [4.0 * form[x > 0].sum(), 2.0 * form[x < 0].sum(), 0.0]
     np.testing.assert_allclose(irradiance(text, method, spp=32768), expected, rtol=0.005)
+
+
+def ies(path: Path, vertical: list[float], horizontal: list[float], candela: list[float]) -> str:
+    path.write_text(profile(vertical, horizontal, candela))
+    return f"asset inputs:shaping:ies:file = @{path}@\nfloat inputs:shaping:cone:angle = 180\n"
+
+
+POINT = "bool treatAsPoint = 1\nbool inputs:normalize = 1\nfloat inputs:intensity = 8\n"
+# I / h^2 of that point at height 2
+OF_POINT = 2.0 / 4.0
+
+
+def test_profiles_that_are_alike_everywhere_or_shine_downwards_alone(tmp_path: Path) -> None:
+    alike = ies(tmp_path / "alike.ies", [0, 180], [0], [1, 1])
+    down = ies(tmp_path / "down.ies", [0, 90], [0], [1, 1])
+    for attributes, turn, share in ((alike, -90, 1.0), (alike, 90, 1.0), (down, -90, 1.0), (down, 90, 0.0)):
+        found = irradiance(light("SphereLight", POINT + attributes, (0, 2, 0), turn), spp=16)
+        np.testing.assert_allclose(found, share * OF_POINT, rtol=1e-4)
+    normalized = down + "bool inputs:shaping:ies:normalize = 1"  # half of the sphere gets all of the power
+    found = irradiance(light("SphereLight", POINT + normalized, (0, 2, 0)), spp=16)
+    np.testing.assert_allclose(found, 2.0 * OF_POINT, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("scale", "degrees"), [(0.0, 30.0), (0.5, 15.0), (2.0, 60.0), (-2.0, 30.0)])
+def test_a_profile_is_linear_between_its_angles_and_scaled(scale: float, degrees: float, tmp_path: Path) -> None:
+    """I = 1 - t / 90 at the profile's angle t, which is the light's over the scale, counted from 180 if negative."""
+    theta = math.radians(degrees)
+    text = ies(tmp_path / "a.ies", [0, 90, 180], [0], [1, 0, 2]) + f"float inputs:shaping:ies:angleScale = {scale}\n"
+    found = irradiance(light("SphereLight", POINT + text, (2.0 * math.tan(theta), 2.0, 0.0)), spp=16)
+    at = degrees / (scale or 1.0) if scale >= 0.0 else 180.0 - (180.0 - degrees) / -scale
+    expected = OF_POINT * math.cos(theta) ** 3 * np.interp(at, [0, 90, 180], [1, 0, 2])
+    np.testing.assert_allclose(found, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize(("x", "z", "candela"), [(1, 0, 3.0), (-1, 0, 1.0), (0, 1, 2.0), (0, -1, 4.0)])
+def test_horizontal_angles_run_from_x_to_y_of_the_light(x: int, z: int, candela: float, tmp_path: Path) -> None:
+    """The light is turned about X: its Y looks along the world's -Z. The floor sees what leaves towards it."""
+    values = np.repeat([1.0, 2.0, 3.0, 4.0, 1.0], 2).tolist()
+    text = ies(tmp_path / "a.ies", [0, 180], [0, 90, 180, 270, 360], values)
+    found = irradiance(light("SphereLight", POINT + text, (x, 1.0, z)), spp=16)
+    np.testing.assert_allclose(found, 2.0 * candela * 2.0**-1.5, rtol=2e-3)

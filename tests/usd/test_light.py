@@ -237,7 +237,7 @@ def test_negative_color_component_becomes_zero_with_a_warning():
 SHAPING, SHADOW = '"ShapingAPI"', '"ShadowAPI"'
 UNHONOURED = {
     "cone of a sun": (light("DistantLight", "float inputs:shaping:cone:angle = 30", apis=SHAPING), "shaping"),
-    "ies": (light("RectLight", "asset inputs:shaping:ies:file = @a.ies@", apis=SHAPING), "shaping"),
+    "ies": (light("RectLight", "asset inputs:shaping:ies:file = @a.ies@", apis=SHAPING), "profile a.ies"),
     "shadow": (light("RectLight", "float inputs:shadow:distance = 2", apis=SHADOW), "shadow color, distance"),
     "filters": (light("RectLight", "rel light:filters = </F>"), "filters"),
 }

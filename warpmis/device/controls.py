@@ -29,3 +29,8 @@ def set_shaping(view: ControlView, shaping: Shaping) -> None:
     view.cone_end = shaping.cone_angle
     view.focus = shaping.focus
     view.focus_tint = tuple(shaping.focus_tint)
+    view.ies_angle_scale = shaping.ies_angle_scale
+    if shaping.ies is not None:
+        view.ies_vertical = wp.array(shaping.ies.vertical, dtype=float)
+        view.ies_horizontal = wp.array(shaping.ies.horizontal, dtype=float)
+        view.ies_intensity = wp.array(shaping.ies.candela, dtype=float)

@@ -171,11 +171,14 @@ class LightView:
 
 @wp.struct
 class ControlView:
-    """How a light's radiance depends on the direction: `to_light` turns directions into the light's frame, where it
-    emits along -Z. The cone fades from cone_start to cone_end [radian], the angles to that axis. picture: of a rect
-    light, with row 0 at +v and column 0 at +u; tint: what surfaces see of the radiance, but not the camera; diffuse,
-    specular: what the lobes see of it; reaches, shadowed_by: 1 for each prim that the light reaches and that stands in
-    its way. An array is empty where nothing is asked."""
+    """What is asked of a light; an array is empty where nothing is.
+
+    to_light turns directions into the light's frame, where it emits along -Z. The cone fades from cone_start to
+    cone_end [radian], the angles to that axis. ies_intensity: a row for each horizontal angle, a column for each
+    vertical one. picture: of a rect light, with row 0 at +v and column 0 at +u. tint: what surfaces see of the
+    radiance, but not the camera. diffuse, specular: what the lobes see of it. reaches, shadowed_by: 1 for each prim
+    that the light reaches, and that stands in its way.
+    """
 
     to_light: wp.mat33
     cone_start: float
@@ -183,6 +186,10 @@ class ControlView:
     focus: float
     focus_tint: wp.vec3
     picture: wp.array2d(dtype=wp.vec3)
+    ies_vertical: wp.array(dtype=float)
+    ies_horizontal: wp.array(dtype=float)
+    ies_intensity: wp.array2d(dtype=float)
+    ies_angle_scale: float
     tint: wp.vec3
     diffuse: float
     specular: float

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdLux
 
-from warpmis.light_control import PLAIN, LightControl, Shaping
+from warpmis.light_control import PLAIN, IesProfile, LightControl, Shaping
+from warpmis.usd.ies import IesError, read_ies
+from warpmis.usd.image import PictureError, asset_bytes
 from warpmis.usd.light_picture import read_light_picture
 from warpmis.usd.reading import MAX_COORDINATE, Reading
 
@@ -66,6 +69,8 @@ def read_shaping(prim: Any, matrix: Vector, reading: Reading) -> Shaping | None:
         cone_softness=min(max(softness, 0.0), 1.0),
         focus=max(focus, 0.0),
         focus_tint=tint,
+        ies=read_profile(prim, reading),
+        ies_angle_scale=_number(prim, "inputs:shaping:ies:angleScale", 0.0, reading) or 1.0,
     )
     return shaping if _changes(shaping, str(prim.GetTypeName())) else None
 
@@ -74,7 +79,26 @@ def _changes(shaping: Shaping, type_name: str) -> bool:
     """Whether a shaping changes the light: flat ones emit no further than 90 degrees off their axis anyway."""
     widest = math.pi if type_name in ("SphereLight", "CylinderLight") else math.pi / 2
     focused = shaping.focus > 0.0 and not (shaping.focus_tint == 1.0).all()
-    return focused or shaping.cone_angle < widest or shaping.cone_softness > 0.0
+    return focused or shaping.cone_angle < widest or shaping.cone_softness > 0.0 or shaping.ies is not None
+
+
+def read_profile(prim: Any, reading: Reading) -> IesProfile | None:
+    """The profile of shaping:ies:file, over its mean intensity where shaping:ies:normalize is on; None without one or,
+    with a warning, where it cannot be read."""
+    asset = reading.get(prim.GetAttribute("inputs:shaping:ies:file"))
+    if not asset or not asset.path:
+        return None
+    try:
+        if not asset.resolvedPath:
+            raise IesError("it does not exist")
+        profile = read_ies(asset_bytes(asset.resolvedPath).decode("latin-1"))
+    except (IesError, PictureError) as error:
+        reading.warn(prim.GetPath(), f"the light is rendered without its profile {asset.path}: {error}")
+        return None
+    mean = profile.mean
+    if reading.get(prim.GetAttribute("inputs:shaping:ies:normalize"), False) and mean > 0.0:
+        return replace(profile, candela=profile.candela / mean)
+    return profile
 
 
 def _multiplier(prim: Any, name: str, reading: Reading) -> float:
@@ -108,7 +132,7 @@ def warn_unhonoured(prim: Any, reading: Reading) -> None:
     path = prim.GetPath()
     light = UsdLux.LightAPI(prim)
     found = {
-        "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes_in_vain(prim, reading),
+        "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes_in_vain(prim),
         "shadow color, distance and falloff": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
         "light filters": light.GetFiltersRel().HasAuthoredTargets(),
     }
@@ -117,12 +141,9 @@ def warn_unhonoured(prim: Any, reading: Reading) -> None:
             reading.warn(path, f"not supported: {feature}; the light is rendered without")
 
 
-def _shapes_in_vain(prim: Any, reading: Reading) -> bool:
-    """Whether an applied ShapingAPI asks for what is not rendered: IES profiles, and anything of lights at infinity."""
-    profile = reading.get(prim.GetAttribute("inputs:shaping:ies:file"))
-    if profile and profile.path:
-        return True
-    names = ("inputs:shaping:focus", "inputs:shaping:cone:angle")
+def _shapes_in_vain(prim: Any) -> bool:
+    """Whether an applied ShapingAPI asks for anything of a light that is not shaped."""
+    names = ("inputs:shaping:focus", "inputs:shaping:cone:angle", "inputs:shaping:ies:file")
     return str(prim.GetTypeName()) not in SHAPED and any(prim.GetAttribute(name).HasAuthoredValue() for name in names)
 
 

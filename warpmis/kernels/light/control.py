@@ -9,8 +9,10 @@ from warpmis.features import Features
 from warpmis.kernels.frame import luminance, to_local
 from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
 from warpmis.kernels.light.area import plane_hit
+from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.material import make_material
+from warpmis.kernels.warps import PI
 
 wp.set_module_options({"enable_backward": False})
 
@@ -31,6 +33,33 @@ def shaping_factor(control: ControlView, emitted: wp.vec3) -> wp.vec3:
         share = wp.pow(wp.abs(emitted[2]), control.focus)
         factor = control.focus_tint * (1.0 - share) + one * share
     return factor * inside
+
+
+@wp.func
+def ies_factor(control: ControlView, emitted: wp.vec3) -> float:
+    """Intensity of the profile in the direction `emitted` of the light's frame; 1 without a profile."""
+    verticals = control.ies_vertical.shape[0]
+    if verticals == 0:
+        return 1.0
+    theta = wp.atan2(wp.sqrt(emitted[0] * emitted[0] + emitted[1] * emitted[1]), -emitted[2])
+    if control.ies_angle_scale > 0.0:
+        theta = theta / control.ies_angle_scale
+    else:
+        theta = (theta - PI) / -control.ies_angle_scale + PI
+    if theta < control.ies_vertical[0] or theta > control.ies_vertical[verticals - 1]:
+        return 0.0
+    phi = wp.atan2(emitted[1], emitted[0])
+    if phi < 0.0:
+        phi = phi + 2.0 * PI
+    column = wp.max(upper_bound(control.ies_vertical, 0, verticals, theta), 1)
+    row = wp.max(upper_bound(control.ies_horizontal, 0, control.ies_horizontal.shape[0], phi), 1)
+    across = control.ies_vertical[column] - control.ies_vertical[column - 1]
+    fx = (theta - control.ies_vertical[column - 1]) / across
+    around = control.ies_horizontal[row] - control.ies_horizontal[row - 1]
+    fy = wp.clamp((phi - control.ies_horizontal[row - 1]) / around, 0.0, 1.0)
+    lower = control.ies_intensity[row - 1, column - 1] * (1.0 - fx) + control.ies_intensity[row - 1, column] * fx
+    upper = control.ies_intensity[row, column - 1] * (1.0 - fx) + control.ies_intensity[row, column] * fx
+    return lower * (1.0 - fy) + upper * fy
 
 
 @wp.func
@@ -79,6 +108,8 @@ def make_control(features: Features) -> SimpleNamespace:
                     return wp.vec3(0.0, 0.0, 0.0)
         if wp.static(features.shaping):
             share = shaping_factor(control, control.to_light * -wi)
+        if wp.static(features.ies):
+            share = share * ies_factor(control, control.to_light * -wi)
         if wp.static(features.light_pictures):
             if index < scene.light_count:
                 share = wp.cw_mul(share, picture_factor(control, scene.lights[index], r.x, wi))
