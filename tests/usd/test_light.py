@@ -261,9 +261,10 @@ def test_what_a_light_asks_for_in_vain_is_one_warning_and_the_light_stays(case):
             "RectLight", "float inputs:shaping:focus = 3\ncolor3f inputs:shaping:focusTint = (1, 1, 1)", apis=SHAPING
         ),
         light("RectLight", "bool inputs:shadow:enable = 1", apis=SHADOW),
+        light("RectLight", "rel light:filters = None"),
     ],
 )
-def test_shaping_and_shadow_controls_that_change_nothing_are_no_warning(text):
+def test_controls_that_change_nothing_are_no_warning(text):
     assert load(text + CUBE).warnings == ()
 
 
