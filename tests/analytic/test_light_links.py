@@ -161,3 +161,39 @@ def test_the_glow_of_a_mesh_light_tints_its_light_and_is_what_the_camera_sees() 
 def test_a_light_on_a_linked_mesh() -> None:
     more = "rel collection:lightLink:excludes = </Floor>"
     assert irradiance(SQUARE % ('"LightAPI"', more), spp=64).max() == 0.0
+
+
+@METHODS
+def test_what_casts_a_shadow_in_part_is_counted_once(method: str) -> None:
+    """Behind a sheet that casts no shadow a half transparent one does: rays go through both, the light comes once."""
+    sheet = SHADE.replace('"Shade"', '"Sheet"').replace("1.2,", "1.3,")
+    sheet = sheet.replace("\n}", "\nfloat[] primvars:displayOpacity = [0.5]\n}")
+    text = disk("rel collection:shadowLink:excludes = </Shade>") + SHADE + sheet
+    np.testing.assert_allclose(irradiance(text, method, spp=8192), 0.5 * OF_DISK, rtol=0.005)
+    below = sheet.replace("1.3,", "1.1,")  # now a ray goes through the sheet first
+    text = disk("rel collection:shadowLink:excludes = </Shade>") + SHADE + below
+    np.testing.assert_allclose(irradiance(text, method, spp=8192), 0.5 * OF_DISK, rtol=0.005)
+
+
+MIRROR = """def Material "M" {
+    token outputs:surface.connect = </M/S.outputs:surface>
+    def Shader "S" {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor = (1, 1, 1)
+        float inputs:metallic = 1
+        float inputs:roughness = 0
+        token outputs:surface
+    }
+}
+"""
+
+
+def test_a_mirror_shows_what_it_is_linked_to_times_the_specular_multiplier() -> None:
+    size = "float inputs:radius = 0.5\nfloat inputs:intensity = 4\n"
+    for more, radiance in (
+        ("float inputs:specular = 0.25\nfloat inputs:diffuse = 0", 1.0),
+        ("rel collection:lightLink:excludes = </Floor>", 0.0),
+    ):
+        ball = light("SphereLight", size + more, (0, 1, -1), head="")
+        found = irradiance(ball + MIRROR, "nee", 16, BOUND_STAGE) * 0.5 / math.pi
+        np.testing.assert_allclose(found, radiance, rtol=1e-4, atol=1e-7)
