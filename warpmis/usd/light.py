@@ -207,11 +207,13 @@ def _cylinder(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -
 
 
 def _emissive(surface: Surface, matrix: Vector, emission: Emission, area: float) -> EmissiveSurface:
-    red, green, blue = emission.over(area).tolist()
-    material = Material(
-        path=emission.path, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(red, green, blue), lambertian=True
-    )
-    return EmissiveSurface(surface, matrix, material)
+    return EmissiveSurface(surface, matrix, shining_black(emission.path, emission.over(area)))
+
+
+def shining_black(path: str, radiance: Vector) -> Material:
+    """A surface that reflects nothing and emits the radiance, shape (3,)."""
+    red, green, blue = radiance.tolist()
+    return Material(path=path, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(red, green, blue), lambertian=True)
 
 
 def _distant(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:

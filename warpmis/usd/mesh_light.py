@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.light_control import LightControl
-from warpmis.scene import Material
 from warpmis.usd.geometry import Shading, Surface
-from warpmis.usd.light import Emission, read_emission
+from warpmis.usd.light import Emission, read_emission, shining_black
 from warpmis.usd.light_control import read_control, warn_unhonoured
 from warpmis.usd.material import MaterialReader
 from warpmis.usd.reading import Reading
@@ -56,12 +55,6 @@ def _radiance(emission: Emission, surface: Surface, matrix: Vector) -> Vector:
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * float(np.linalg.norm(crosses, axis=1).sum())
     return emission.over(area) if area > 0.0 else np.zeros(3)
-
-
-def shining_black(path: str, radiance: Vector) -> Material:
-    """A surface that reflects nothing and emits the radiance, shape (3,)."""
-    red, green, blue = radiance.tolist()
-    return Material(path=path, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(red, green, blue), lambertian=True)
 
 
 def _all_of(surface: Surface, index: int) -> Shading:
