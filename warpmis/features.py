@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from warpmis.light_control import LightControl
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
 
@@ -23,6 +24,10 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
+        shaping: lights that shine not alike in all directions; ies: those by a profile.
+        light_pictures: rect lights with a picture; light_tints: geometry that lights in another color than it glows.
+        light_response: lights that diffuse and specular lobes see differently.
+        light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
         shading_normals: normals that differ from the triangle's.
@@ -41,6 +46,13 @@ class Features:
     dome_picture: bool = False
     mesh_light: bool = False
     delta_light: bool = False
+    shaping: bool = False
+    ies: bool = False
+    light_pictures: bool = False
+    light_tints: bool = False
+    light_response: bool = False
+    light_links: bool = False
+    shadow_links: bool = False
     specular: bool = False
     clearcoat: bool = False
     smooth: bool = False
@@ -54,6 +66,12 @@ class Features:
     clipping: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
+
+    @property
+    def controlled(self) -> bool:
+        """Whether any light's radiance is not the same in all directions and for all receivers."""
+        asked = (self.shaping, self.light_pictures, self.light_tints, self.light_response)
+        return any((*asked, self.light_links, self.shadow_links))
 
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
@@ -81,6 +99,11 @@ def is_delta(light: object) -> bool:
     return isinstance(light, DistantLight) and light.half_angle == 0.0
 
 
+def light_controls(scene: Scene) -> list[LightControl]:
+    """What is asked for of all lights, those made of geometry included."""
+    return [light.control for light in scene.lights] + [prim.control for prim in scene.prims]
+
+
 def detect(scene: Scene) -> Features:
     """The effects that the scene's triangles and lights call for; materials that no triangle uses do not count."""
     used = [scene.materials[i] for i in np.unique(scene.geometry.materials)]
@@ -89,6 +112,7 @@ def detect(scene: Scene) -> Features:
     lookups = [lookup for m in used for lookup in m.lookups.values()]
     extended = [light for light in scene.lights if not is_delta(light)]
     domes = [light for light in extended if isinstance(light, DomeLight)]
+    controls = light_controls(scene)
 
     def has(kind: type) -> bool:
         return any(isinstance(light, kind) for light in extended)
@@ -104,6 +128,13 @@ def detect(scene: Scene) -> Features:
         dome_picture=any(d.picture is not None for d in domes),
         mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
+        shaping=any(control.shaping is not None for control in controls),
+        ies=any(control.shaping is not None and control.shaping.ies is not None for control in controls),
+        light_pictures=any(control.picture is not None for control in controls),
+        light_tints=any(control.tint is not None for control in controls),
+        light_response=any(control.changes_response for control in controls),
+        light_links=any(control.illuminates is not None for control in controls),
+        shadow_links=any(control.shadow_casters is not None for control in controls),
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),

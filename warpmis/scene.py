@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpmis.light_control import PLAIN, LightControl
 from warpmis.texture import Lookup, TextureLookup, is_lookup, mean_of
 
 Float32Array = NDArray[np.float32]
@@ -53,11 +54,12 @@ class Prim:
     """A gprim as rendered: its path (instances: the instance proxy's path) and its sidedness.
 
     Surfaces are laminae: both sides reflect. `double_sided` decides whether an emissive surface shines on both
-    sides or from its front alone.
+    sides or from its front alone. `control` is what a light prim made of geometry asks for.
     """
 
     path: str
     double_sided: bool = False
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ class RectLight:
     half_u: NDArray[np.float64]
     half_v: NDArray[np.float64]
     radiance: NDArray[np.float64]
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,7 @@ class DiskLight:
     half_u: NDArray[np.float64]
     half_v: NDArray[np.float64]
     radiance: NDArray[np.float64]
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +165,7 @@ class SphereLight:
     center: NDArray[np.float64]
     radius: float
     radiance: NDArray[np.float64]
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +182,7 @@ class CylinderLight:
     half_axis: NDArray[np.float64]
     radius: float
     radiance: NDArray[np.float64]
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +199,7 @@ class DistantLight:
     direction: NDArray[np.float64]
     half_angle: float
     radiance: NDArray[np.float64]
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +220,7 @@ class DomeLight:
     to_world: NDArray[np.float64]
     radiance: NDArray[np.float64]
     picture: Float32Array | None = None
+    control: LightControl = PLAIN
 
 
 Light = RectLight | DiskLight | SphereLight | CylinderLight | DistantLight | DomeLight

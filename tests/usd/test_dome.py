@@ -160,12 +160,12 @@ def test_missing_broken_and_odd_pictures_leave_the_plain_color_with_one_warning(
     (tmp_path / "noise.exr").write_bytes(b"\x76\x2f\x31\x01" + b"\x00" * 40)
     (tmp_path / "noise.hdr").write_bytes(b"not a picture at all")
     write_exr(tmp_path / "sky.exr")
-    odd = 'token inputs:texture:format = "angular"'
+    odd = 'token inputs:texture:format = "fishEye"'
     for name, body, word in (
         ("nowhere.exr", "", "does not exist"),
         ("noise.exr", "", "plain color"),
         ("noise.hdr", "", "plain color"),
-        ("sky.exr", odd, "angular"),
+        ("sky.exr", odd, "fishEye"),
     ):
         scene = load(dome_with(tmp_path / name, body + "\nfloat inputs:intensity = 3"))
         assert scene.lights[0].picture is None

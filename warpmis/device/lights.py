@@ -22,6 +22,7 @@ from warpmis.device.views import (
     LightView,
 )
 from warpmis.features import is_delta, is_emissive
+from warpmis.light_control import LightControl
 from warpmis.scene import (
     CylinderLight,
     DiskLight,
@@ -45,6 +46,7 @@ class LightTables:
         emitter_triangles, emitter_cdf: the mesh lights' triangles, one light after the other, with the cumulative
             share of the light's area.
         environment: all domes as one, or None.
+        controls: what is asked of each of the lights and then of the delta lights.
     """
 
     lights: list[LightView] = field(default_factory=list)
@@ -53,23 +55,35 @@ class LightTables:
     emitter_triangles: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     emitter_cdf: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     environment: Environment | None = None
+    controls: list[LightControl] = field(default_factory=list)
 
 
 def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""
     tables = LightTables(triangle_light=np.full(len(geometry.triangles), -1, dtype=np.int32))
     domes = [light for light in scene.lights if isinstance(light, DomeLight)]
-    tables.delta_lights += [delta_record(light) for light in scene.lights if is_delta(light)]
+    delta = [light for light in scene.lights if is_delta(light)]
+    tables.delta_lights += [delta_record(light) for light in delta]
     extended = [light for light in scene.lights if not is_delta(light) and not isinstance(light, DomeLight)]
-    tables.lights += [record(light) for light in extended if not isinstance(light, DistantLight)]
+    add_records(tables, [light for light in extended if not isinstance(light, DistantLight)])
     add_mesh_lights(tables, scene, geometry)
-    tables.lights += [record(light) for light in extended if isinstance(light, DistantLight)]
+    add_records(tables, [light for light in extended if isinstance(light, DistantLight)])
     if domes:
         tables.environment = combine(domes)
         dome = blank_record(DOME, tables.environment.radiance)
         dome.luminance = tables.environment.luminance
         tables.lights.append(dome)
+        tables.controls.append(domes[0].control)
+    tables.controls += [light.control for light in delta]
     return tables
+
+
+def add_records(tables: LightTables, lights: list[Light]) -> None:
+    for light in lights:
+        view = record(light)
+        view.luminance = float(np.dot(light.radiance * light.control.mean_share, LUMINANCE))
+        tables.lights.append(view)
+        tables.controls.append(light.control)
 
 
 def blank_record(kind: int, radiance: NDArray[np.float64]) -> LightView:
@@ -151,7 +165,10 @@ def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> No
     cdfs = []
     for first, group in zip(starts, np.split(order, starts[1:]), strict=True):
         triangle = shining[group[0]]
-        view = blank_record(MESH, np.array(scene.materials[geometry.materials[triangle]].mean_emission))
+        control = scene.prims[geometry.prims[triangle]].control
+        emission = np.array(scene.materials[geometry.materials[triangle]].mean_emission)
+        view = blank_record(MESH, emission)
+        view.luminance = float(np.dot(emission * control.mean_share, LUMINANCE))
         points = corners[group].reshape(-1, 3)
         center = 0.5 * (points.min(axis=0) + points.max(axis=0))
         view.center = tuple(center)
@@ -161,6 +178,7 @@ def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> No
         view.two_sided = int(scene.prims[geometry.prims[triangle]].double_sided)
         tables.triangle_light[shining[group]] = len(tables.lights)
         tables.lights.append(view)
+        tables.controls.append(control)
         share = np.cumsum(areas[group])
         cdfs.append((share / share[-1]).astype(np.float32))
     tables.emitter_triangles = shining[order].astype(np.int32)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
@@ -16,6 +17,7 @@ from warpmis.device.views import (
     DISTANT,
     DOME,
     CameraView,
+    ControlView,
     DeltaLightView,
     DomeView,
     LightView,
@@ -59,9 +61,9 @@ def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceS
         view = SceneView()
         mesh = upload_mesh(view, geometry)
         varying = upload_surfaces(view, scene, geometry, tables)
-        tree = upload_lights(view, geometry, tables, mis_compensation)
+        lights = upload_lights(view, geometry, tables, mis_compensation)
         camera = camera_view(scene.camera, scene.resolution)
-    return DeviceScene(view, camera, (mesh, tree, varying))
+    return DeviceScene(view, camera, (mesh, *lights, varying))
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -116,22 +118,27 @@ def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: L
     return upload_materials(view, material_tables(scene), geometry.primvars)
 
 
-def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> wp.Bvh | None:
+def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:
+    """The lights into the view; what it then points into is returned, to be kept alive."""
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
     view.finite_light_count = sum(light.kind not in (DISTANT, DOME) for light in tables.lights)
     view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
     if tables.delta_lights:
         view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)
+    controls = [control_view(control) for control in tables.controls] if any(c.asks for c in tables.controls) else []
+    if controls:
+        view.controls = wp.array(controls, dtype=ControlView)
+        view.prims = wp.array(geometry.prims, dtype=int)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
     if len(tables.emitter_triangles) == 0:
-        return None
+        return (controls,)
     view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
     view.emitter_cdf = wp.array(tables.emitter_cdf, dtype=float)
     corners = geometry.points[geometry.triangles[tables.emitter_triangles]]
     tree = wp.Bvh(wp.array(corners.min(axis=1), dtype=wp.vec3), wp.array(corners.max(axis=1), dtype=wp.vec3))
     view.emitter_bvh = tree.id
-    return tree
+    return tree, controls
 
 
 def dome_view(tables: LightTables, mis_compensation: bool) -> DomeView:

@@ -170,6 +170,34 @@ class LightView:
 
 
 @wp.struct
+class ControlView:
+    """What is asked of a light; an array is empty where nothing is.
+
+    to_light turns directions into the light's frame, where it emits along -Z. The cone fades from cone_start to
+    cone_end [radian], the angles to that axis. ies_intensity: a row for each horizontal angle, a column for each
+    vertical one. picture: of a rect light, with row 0 at +v and column 0 at +u. tint: what surfaces see of the
+    radiance, but not the camera. diffuse, specular: what the lobes see of it. reaches, shadowed_by: 1 for each prim
+    that the light reaches, and that stands in its way.
+    """
+
+    to_light: wp.mat33
+    cone_start: float
+    cone_end: float
+    focus: float
+    focus_tint: wp.vec3
+    picture: wp.array2d(dtype=wp.vec3)
+    ies_vertical: wp.array(dtype=float)
+    ies_horizontal: wp.array(dtype=float)
+    ies_intensity: wp.array2d(dtype=float)
+    ies_angle_scale: float
+    tint: wp.vec3
+    diffuse: float
+    specular: float
+    reaches: wp.array(dtype=int)
+    shadowed_by: wp.array(dtype=int)
+
+
+@wp.struct
 class DeltaLightView:
     """A light of one direction or one point: `vector` is the position or the unit direction towards it, `intensity`
     the radiant intensity or the irradiance."""
@@ -201,8 +229,9 @@ class SceneView:
     """The whole scene.
 
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
-    a mesh light the cumulative share of the light's area; varying: one record, in an array so that the scene stays
-    small: device functions take it by value.
+    a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
+    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls;
+    varying: one record, in an array so that the scene stays small: device functions take it by value.
     """
 
     mesh: wp.uint64
@@ -217,6 +246,8 @@ class SceneView:
     finite_light_count: int
     delta_lights: wp.array(dtype=DeltaLightView)
     delta_light_count: int
+    controls: wp.array(dtype=ControlView)
+    prims: wp.array(dtype=int)
     emitter_bvh: wp.uint64
     emitter_triangles: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)

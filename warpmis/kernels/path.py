@@ -18,7 +18,8 @@ from warpmis.kernels.frame import Frame, luminance, to_local, to_world
 from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.mesh import pdf_mesh
-from warpmis.kernels.light.table import SHADOW_END, Receiver, make_lights
+from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.light.table import SHADOW_END, make_lights
 from warpmis.kernels.material import make_material
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.strategies import make_strategies
@@ -114,6 +115,9 @@ def make_path(features: Features) -> SimpleNamespace:
                 wi = to_light / wp.max(distance, 1.0e-20)
                 falloff = 1.0 / wp.max(distance * distance, 1.0e-20)
             brings = light.luminance * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
+            if wp.static(features.controlled):
+                factor = lights.control.factor(scene, scene.light_count + i, r, wi)
+                brings = luminance(wp.cw_mul(light.intensity, factor)) * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
             if brings > 0.0:
                 # Reservoir of one: the chosen light is kept or replaced, and `left` is uniform again after either.
                 total += brings
@@ -125,13 +129,23 @@ def make_path(features: Features) -> SimpleNamespace:
                     distance_chosen = distance
                     importance = brings
                     irradiance = light.intensity * falloff
+                    if wp.static(features.controlled):
+                        irradiance = wp.cw_mul(irradiance, factor)
                 else:
                     left = (left - p) / (1.0 - p)
         direct = DirectLight()
         if chosen < 0 or wp.dot(wi_chosen, ng) <= 0.0:
             return direct
-        f_cos = surface.evaluate(s, to_local(frame, wi_chosen)).f_cos
-        through = intersect.transmittance(scene, r.x, wi_chosen, distance_chosen * SHADOW_END)
+        scattering = surface.evaluate(s, to_local(frame, wi_chosen))
+        f_cos = scattering.f_cos
+        if wp.static(features.light_response):
+            f_cos = wp.cw_mul(f_cos, lights.control.response(scene, scene.light_count + chosen, scattering.diffuse))
+        if wp.static(features.shadow_links):
+            through = lights.control.transmittance(
+                scene, scene.light_count + chosen, r.x, wi_chosen, distance_chosen * SHADOW_END
+            )
+        else:
+            through = intersect.transmittance(scene, r.x, wi_chosen, distance_chosen * SHADOW_END)
         direct.radiance = wp.cw_mul(wp.cw_mul(f_cos, irradiance), through) * (total / importance)
         direct.rays = 1
         return direct
@@ -147,7 +161,15 @@ def make_path(features: Features) -> SimpleNamespace:
         if luminance(scattering.f_cos) <= 0.0:
             return direct
         direct.share = balance_weight(scattering.pdf_solid_angle, towards.pdf_solid_angle)
-        through = intersect.transmittance(scene, r.x, towards.wi, towards.distance * SHADOW_END)
+        if wp.static(features.controlled):
+            towards.radiance = wp.cw_mul(towards.radiance, lights.control.factor(scene, r.chosen, r, towards.wi))
+            if wp.static(features.light_response):
+                response = lights.control.response(scene, r.chosen, scattering.diffuse)
+                towards.radiance = wp.cw_mul(towards.radiance, response)
+        if wp.static(features.shadow_links):
+            through = lights.control.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
+        else:
+            through = intersect.transmittance(scene, r.x, towards.wi, towards.distance * SHADOW_END)
         weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
         direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
         direct.rays = 1
@@ -230,6 +252,12 @@ def make_path(features: Features) -> SimpleNamespace:
                         light = scene.lights[triangle.light]
                         of_light = pdf_mesh(light, hit.ng, wi, far) * lights.importance(scene, light, r)
                         weight = balance_weight(pdf_bsdf, lights.density(of_light, r.total))
+                    if wp.static(features.controlled):
+                        factor = lights.control.factor(scene, triangle.light, r, wi)
+                        if wp.static(features.light_response):
+                            if r.prim > 0:
+                                factor = wp.cw_mul(factor, lights.control.response(scene, triangle.light, r.diffuse))
+                        material.emission = wp.cw_mul(material.emission, factor)
                     emission += material.emission * weight
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:
@@ -264,11 +292,15 @@ def make_path(features: Features) -> SimpleNamespace:
                         break
                     r = Receiver()
                     r.x = start
+                    if wp.static(features.controlled):
+                        r.prim = lights.control.prim_of(scene, hit.triangle)
                     arrival = SEEN
                     continue
 
             u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
             r = lights.receiver(scene, start, frame.n, u_light[0])
+            if wp.static(features.controlled):
+                r.prim = lights.control.prim_of(scene, hit.triangle)
             s = surface.prepare(material, wo)
             if wp.static(features.delta_light):
                 u_delta = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)
@@ -308,6 +340,8 @@ def make_path(features: Features) -> SimpleNamespace:
             local = to_local(frame, wi)
             scattering = surface.evaluate(s, local)
             pdf_bsdf = scattering.pdf_solid_angle
+            if wp.static(features.light_response):
+                r.diffuse = scattering.diffuse
             if wp.static(has_mixture):
                 if arrival == MIXTURE or arrival == PAIRED:
                     p = strategies.vertex_densities(s, local[2], scattering)

@@ -17,8 +17,7 @@ from warpmis.device.views import SceneView
 from warpmis.features import Features
 from warpmis.kernels.bsdf.surface import Scattering, Surface
 from warpmis.kernels.frame import Frame, to_world
-from warpmis.kernels.light.records import LightSample
-from warpmis.kernels.light.table import Receiver
+from warpmis.kernels.light.records import LightSample, Receiver
 from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere, square_to_uniform_hemisphere
 
 wp.set_module_options({"enable_backward": False})

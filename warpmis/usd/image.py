@@ -60,7 +60,7 @@ def read_stored(resolved_path: str) -> Picture:
     Raises:
         PictureError: the file is missing, damaged or of an unknown format.
     """
-    data = _asset_bytes(resolved_path)
+    data = asset_bytes(resolved_path)
     suffix = Path(resolved_path).suffix or ".img"
     picture = Picture(_decode_exr(data)) if data[:4] == EXR_MAGIC else _decode_other(data, suffix)
     if picture.pixels.ndim != 3 or 0 in picture.pixels.shape:
@@ -79,7 +79,12 @@ def without_invalid_texels(pixels: Float32Array) -> tuple[Float32Array, int]:
     return np.where(invalid[..., None], np.float32(0.0), pixels), int(invalid.sum())
 
 
-def _asset_bytes(resolved_path: str) -> bytes:
+def asset_bytes(resolved_path: str) -> bytes:
+    """A file's content, by USD's asset resolver.
+
+    Raises:
+        PictureError: it is missing or empty.
+    """
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved_path))
     if not asset:
         raise PictureError(f"{resolved_path} cannot be opened")

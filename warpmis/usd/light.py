@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom, UsdLux
 
+from warpmis.light_control import PLAIN, LightControl
 from warpmis.scene import (
     CylinderLight,
     DiskLight,
@@ -25,7 +26,8 @@ from warpmis.scene import (
     SphereLight,
 )
 from warpmis.usd.geometry import Surface, cofactors
-from warpmis.usd.image import Float32Array, PictureError, read_picture, without_invalid_texels
+from warpmis.usd.light_control import read_control, warn_unhonoured
+from warpmis.usd.light_picture import read_dome_picture
 from warpmis.usd.primitives import along_axis, open_cylinder, sphere
 from warpmis.usd.reading import MAX_COORDINATE, Reading
 
@@ -45,6 +47,7 @@ class EmissiveSurface:
     surface: Surface
     matrix: Vector
     material: Material
+    control: LightControl = PLAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,10 @@ def read_light(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> li
         return []
     warn_unhonoured(prim, reading)
     lights = [read(prim, matrix, emission, reading) for matrix in matrices]
-    return [light for light in lights if light is not None]
+    controls = [read_control(prim, matrix, reading) for matrix in matrices]
+    return [
+        replace(light, control=control) for light, control in zip(lights, controls, strict=True) if light is not None
+    ]
 
 
 def read_emission(prim: Any, reading: Reading) -> Emission | None:
@@ -118,57 +124,6 @@ def blackbody_color(temperature: float) -> Vector:
     if math.isnan(temperature):
         return np.full(3, np.nan)
     return np.array(UsdLux.BlackbodyTemperatureAsRgb(min(max(temperature, 1000.0), 10000.0)), np.float64)
-
-
-def warn_unhonoured(prim: Any, reading: Reading) -> None:
-    """One warning for each thing authored on a light that changes its picture and is not rendered."""
-    path = prim.GetPath()
-    light = UsdLux.LightAPI(prim)
-    found = {
-        "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes(prim, reading),
-        "shadow controls": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
-        "light linking": _links(light.GetLightLinkCollectionAPI(), reading),
-        "shadow linking": _links(light.GetShadowLinkCollectionAPI(), reading),
-        "light filters": light.GetFiltersRel().HasAuthoredTargets(),
-        "the diffuse and specular multipliers": reading.get(light.GetDiffuseAttr(), 1.0) != 1.0
-        or reading.get(light.GetSpecularAttr(), 1.0) != 1.0,
-        "the light's texture": "Dome" not in str(prim.GetTypeName()) and _texture(prim, reading) is not None,
-    }
-    for feature, present in found.items():
-        if present:
-            reading.warn(path, f"not supported: {feature}; the light is rendered without")
-
-
-def _shadows(prim: Any, reading: Reading) -> bool:
-    """Whether an applied ShadowAPI changes the shadows."""
-    definition = prim.GetPrimDefinition()
-    names = [name for name in definition.GetPropertyNames() if name.startswith("inputs:shadow:")]
-    return any(reading.get(prim.GetAttribute(n)) != definition.GetAttributeFallbackValue(n) for n in names)
-
-
-def _shapes(prim: Any, reading: Reading) -> bool:
-    """Whether an applied ShapingAPI changes what the light emits."""
-    shaping = UsdLux.ShapingAPI(prim)
-    tint = tuple(reading.get(shaping.GetShapingFocusTintAttr(), (0.0, 0.0, 0.0)))
-    profile = reading.get(shaping.GetShapingIesFileAttr())
-    widest = 180.0 if str(prim.GetTypeName()) in ("SphereLight", "CylinderLight") else 90.0
-    cone = reading.get(shaping.GetShapingConeAngleAttr(), 90.0)
-    softness = reading.get(shaping.GetShapingConeSoftnessAttr(), 0.0)
-    focused = reading.get(shaping.GetShapingFocusAttr(), 0.0) > 0.0 and tint != (1.0, 1.0, 1.0)
-    return bool(focused or cone < widest or softness > 0.0 or (profile and profile.path))
-
-
-def _links(collection: Any, reading: Reading) -> bool:
-    """Whether a light's collection leaves anything out."""
-    excludes = collection.GetExcludesRel()
-    everything = reading.get(collection.GetIncludeRootAttr(), True)
-    return bool((excludes and excludes.HasAuthoredTargets()) or not everything)
-
-
-def _texture(prim: Any, reading: Reading) -> Any:
-    """The authored texture:file as an Sdf.AssetPath, or None."""
-    asset = reading.get(prim.GetAttribute("inputs:texture:file"))
-    return asset if asset and asset.path else None
 
 
 def _has_place(path: str, shape: list[Any], area: float, reading: Reading) -> bool:
@@ -252,11 +207,13 @@ def _cylinder(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -
 
 
 def _emissive(surface: Surface, matrix: Vector, emission: Emission, area: float) -> EmissiveSurface:
-    red, green, blue = emission.over(area).tolist()
-    material = Material(
-        path=emission.path, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(red, green, blue), lambertian=True
-    )
-    return EmissiveSurface(surface, matrix, material)
+    return EmissiveSurface(surface, matrix, shining_black(emission.path, emission.over(area)))
+
+
+def shining_black(path: str, radiance: Vector) -> Material:
+    """A surface that reflects nothing and emits the radiance, shape (3,)."""
+    red, green, blue = radiance.tolist()
+    return Material(path=path, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(red, green, blue), lambertian=True)
 
 
 def _distant(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
@@ -284,35 +241,13 @@ def _dome(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Li
     to_world = left @ right
     if _has_z_pole(prim, reading):
         to_world = to_world @ Z_POLE
-    return DomeLight(emission.path, to_world, emission.radiance, _dome_picture(prim, reading))
+    return DomeLight(emission.path, to_world, emission.radiance, read_dome_picture(prim, reading))
 
 
 def _has_z_pole(prim: Any, reading: Reading) -> bool:
     """Whether a DomeLight_1's own pole is +Z, not +Y."""
     pole = str(reading.get(prim.GetAttribute("poleAxis"), "Y"))
     return pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(reading.stage) == UsdGeom.Tokens.z)
-
-
-def _dome_picture(prim: Any, reading: Reading) -> Float32Array | None:
-    """The dome's lat-long picture; None without one and, with a warning, where it cannot be used."""
-    path = prim.GetPath()
-    asset = _texture(prim, reading)
-    if asset is None:
-        return None
-    layout = str(reading.get(prim.GetAttribute("inputs:texture:format"), "automatic"))
-    if layout not in ("automatic", "latlong"):
-        reading.warn(path, f"texture:format {layout} is not supported; the dome is rendered in its plain color")
-        return None
-    try:
-        if not asset.resolvedPath:
-            raise PictureError(f"{asset.path} does not exist")
-        pixels, invalid = without_invalid_texels(read_picture(asset.resolvedPath))
-    except PictureError as error:
-        reading.warn(path, f"the dome is rendered in its plain color: {error}")
-        return None
-    if invalid:
-        reading.warn(path, f"{invalid} texels of {asset.path} are negative or not finite; 0 is used there")
-    return pixels
 
 
 def uniform_scale(linear: Vector) -> float | None:

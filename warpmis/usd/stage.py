@@ -19,8 +19,10 @@ from warpmis.usd.curves import read_curves
 from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.light import EmissiveSurface, is_light, read_light
+from warpmis.usd.light_linking import linked_lights, linked_prims
 from warpmis.usd.material import MaterialReader
 from warpmis.usd.mesh import read_mesh
+from warpmis.usd.mesh_light import read_mesh_light
 from warpmis.usd.opening import open_stage
 from warpmis.usd.points import read_points
 from warpmis.usd.primitives import is_primitive, read_primitive
@@ -37,6 +39,8 @@ from warpmis.usd.skinning import bake_skinning, has_skeletons
 
 # usdrecord's names, and how many times each refines a subdivision surface.
 COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
+
+PORTAL_NOTE = "portals are hints for sampling and change no picture; they are not used"
 
 
 def load_stage(
@@ -129,8 +133,8 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
         resolution=resolution,
         geometry=geometry,
         materials=materials,
-        prims=tuple(contents.geometry.prims),
-        lights=tuple(contents.lights),
+        prims=linked_prims(contents.geometry.prims, reading),
+        lights=linked_lights(contents.lights, contents.geometry.prims, reading),
         time=float(reading.time.GetValue()),
         notes=tuple(reading.notes),
     )
@@ -166,12 +170,16 @@ class StageContents:
 
     def _add_gprim(self, placement: Placement) -> None:
         prim = placement.prim
-        if prim.HasAPI(UsdLux.LightAPI):
-            self.reading.warn(prim.GetPath(), "a light made of geometry is not supported; its material alone is used")
         surface = self._surface(prim)
         if surface is None or not len(surface.triangles):
             return
         double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
+        if prim.HasAPI(UsdLux.LightAPI):
+            self.light_prims += 1
+            for matrix in placement.matrices:
+                shading, control = read_mesh_light(prim, surface, matrix, self.materials, self.reading)
+                self._place(Prim(str(prim.GetPath()), double_sided, control), surface, shading, matrix[None])
+            return
         shading = self.materials.of_surface(prim, surface)
         self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices)
 
@@ -192,6 +200,10 @@ class StageContents:
 
     def _add_light(self, placement: Placement) -> None:
         prim = placement.prim
+        if str(prim.GetTypeName()) == "PortalLight":
+            if PORTAL_NOTE not in self.reading.notes:
+                self.reading.notes.append(PORTAL_NOTE)
+            return
         if not is_light(str(prim.GetTypeName())):
             self.reading.warn(prim.GetPath(), f"{prim.GetTypeName()} is not supported; the light is left out")
             return
@@ -200,7 +212,8 @@ class StageContents:
             if isinstance(light, EmissiveSurface):
                 count, index = len(light.surface.triangles), self.materials.index(light.material)
                 shading = Shading(np.full(count, index), np.zeros((count, 3, 0), np.float32))
-                self._place(Prim(light.material.path), light.surface, shading, light.matrix[None])
+                prim_of_light = Prim(light.material.path, control=light.control)
+                self._place(prim_of_light, light.surface, shading, light.matrix[None])
             else:
                 self.lights.append(light)
 

@@ -50,11 +50,13 @@ class Surface:
 @wp.struct
 class Scattering:
     """f_cos: BSDF times cosine, per colour; pdf_solid_angle: density of `sample` for that direction, of which
-    pdf_specular is the part of the specular and coat lobes."""
+    pdf_specular is the part of the specular and coat lobes; diffuse: the diffuse lobe's share of f_cos, per colour,
+    where lights ask for it."""
 
     f_cos: wp.vec3
     pdf_solid_angle: float
     pdf_specular: float
+    diffuse: wp.vec3
 
 
 def make_surface(features: Features) -> SimpleNamespace:
@@ -109,9 +111,13 @@ def make_surface(features: Features) -> SimpleNamespace:
             return e
         e.f_cos = s.diffuse * (INV_PI * wi[2])
         e.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
+        if wp.static(features.light_response):
+            e.diffuse = e.f_cos
         if wp.static(features.specular):
             if s.alpha > 0.0:
                 e.f_cos = wp.cw_mul(e.f_cos, ONE - schlick(s.specular_f0, wi[2]))
+                if wp.static(features.light_response):
+                    e.diffuse = e.f_cos
                 if s.p_specular > 0.0:
                     h = wp.normalize(s.wo + wi)
                     pdf = pdf_reflected(s.wo, h, s.alpha)
@@ -120,6 +126,8 @@ def make_surface(features: Features) -> SimpleNamespace:
             if wp.static(features.clearcoat):
                 if s.coat > 0.0:
                     e.f_cos = e.f_cos * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
+                    if wp.static(features.light_response):
+                        e.diffuse = e.diffuse * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
                     if s.p_coat > 0.0:
                         h = wp.normalize(s.wo + wi)
                         pdf = pdf_reflected(s.wo, h, s.coat_alpha)
@@ -127,6 +135,8 @@ def make_surface(features: Features) -> SimpleNamespace:
                         e.f_cos += ONE * (fresnel * pdf * smith_g1(wi, s.coat_alpha))
                         e.pdf_specular += s.p_coat * pdf
             e.pdf_solid_angle += e.pdf_specular
+        if wp.static(features.light_response):
+            e.diffuse = wp.cw_div(e.diffuse, wp.max(e.f_cos, ONE * 1.0e-20))
         return e
 
     @wp.func

@@ -1,4 +1,4 @@
-"""What a light answers: a sampled direction, or a direction's hit on it."""
+"""What a light answers, a sampled direction or a direction's hit on it, and the point that asks."""
 
 import warp as wp
 
@@ -20,3 +20,26 @@ class LightHit:
 
     distance: float
     pdf_solid_angle: float
+
+
+@wp.struct
+class Receiver:
+    """The point that asks for light, with a light chosen for it and what normalises that choice.
+
+    total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0
+    where none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice:
+    its importance counts as 1.
+
+    prim: 1 + the index of the prim at x where anything is asked of lights, 0 for the camera; diffuse: the share of what
+    the surface scatters from the ray's direction that its diffuse lobe does, per color.
+    """
+
+    x: wp.vec3
+    n: wp.vec3
+    total: float
+    finite: float
+    infinite: float
+    chosen: int
+    chosen_importance: float
+    prim: int
+    diffuse: wp.vec3

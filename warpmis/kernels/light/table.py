@@ -7,6 +7,7 @@ import warp as wp
 from warpmis.device.views import CYLINDER, DISK, DISTANT, DOME, MESH, RECT, SPHERE, LightView, SceneView
 from warpmis.features import Features
 from warpmis.kernels.light.choice import light_importance
+from warpmis.kernels.light.control import make_control
 from warpmis.kernels.light.cylinder import hit_cylinder, sample_cylinder
 from warpmis.kernels.light.disk import hit_disk, sample_disk
 from warpmis.kernels.light.distant import INFINITE_DISTANCE, hit_distant, sample_distant
@@ -19,7 +20,7 @@ from warpmis.kernels.light.dome import (
     sample_dome_picture,
 )
 from warpmis.kernels.light.mesh import hit_emitter_triangle, make_mesh
-from warpmis.kernels.light.records import LightHit, LightSample
+from warpmis.kernels.light.records import LightHit, LightSample, Receiver
 from warpmis.kernels.light.rect import hit_rect, sample_rect
 from warpmis.kernels.light.sphere import hit_sphere, sample_sphere
 from warpmis.kernels.mis import balance_weight
@@ -28,24 +29,6 @@ wp.set_module_options({"enable_backward": False})
 
 # A shadow ray stops this share of the way short of its light, so that a surface behind the light is no occluder.
 SHADOW_END = wp.constant(0.9999)
-
-
-@wp.struct
-class Receiver:
-    """The point that asks for light, with a light chosen for it and what normalises that choice.
-
-    total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0
-    where none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice:
-    its importance counts as 1.
-    """
-
-    x: wp.vec3
-    n: wp.vec3
-    total: float
-    finite: float
-    infinite: float
-    chosen: int
-    chosen_importance: float
 
 
 @wp.struct
@@ -68,6 +51,7 @@ class RayLight:
 def make_lights(features: Features) -> SimpleNamespace:
     """Light functions for the kinds in `features`: receiver, importance, sample, sample_range, hit, gather."""
     mesh = make_mesh(features)
+    control = make_control(features)
 
     @wp.func
     def density(of_light: float, total: float) -> float:
@@ -223,6 +207,8 @@ def make_lights(features: Features) -> SimpleNamespace:
                     h.pdf_solid_angle = dome_pdf(scene.dome, uv)
                     if far >= INFINITE_DISTANCE:
                         radiance = dome_radiance(scene.dome, uv)
+                    if wp.static(features.shadow_links):
+                        radiance = dome_radiance(scene.dome, uv)
             if wp.static(features.dome_constant):
                 if light.kind == DOME and scene.dome.rows == 0:
                     h.distance = INFINITE_DISTANCE
@@ -233,8 +219,19 @@ def make_lights(features: Features) -> SimpleNamespace:
                     ray.finite += of_light
                 else:
                     ray.infinite += of_light
+                if wp.static(features.shadow_links):
+                    if control.has_own_shadows(scene, i, r):
+                        # What ends the ray tells nothing of this light's shadows: found on the first stretch, or never.
+                        through = control.transmittance(scene, i, r.x, wi, h.distance * SHADOW_END)
+                        radiance = wp.cw_mul(radiance, through)
+                        h.distance = wp.where(near == 0.0, 0.5 * far, 0.0)
                 # A light flush with a surface shines: hence the tolerance, the same as the shadow ray's.
                 if h.distance * SHADOW_END <= far and h.distance * SHADOW_END > near:
+                    if wp.static(features.controlled):
+                        radiance = wp.cw_mul(radiance, control.factor(scene, i, r, wi))
+                        if wp.static(features.light_response):
+                            if r.prim > 0:
+                                radiance = wp.cw_mul(radiance, control.response(scene, i, r.diffuse))
                     ray.radiance += radiance
                     ray.weighted += radiance * balance_weight(pdf, density(of_light, r.total))
                     if h.distance < INFINITE_DISTANCE:
@@ -251,4 +248,5 @@ def make_lights(features: Features) -> SimpleNamespace:
         hit=hit,
         gather=gather,
         pdf_emitter_triangles=pdf_emitter_triangles,
+        control=control,
     )

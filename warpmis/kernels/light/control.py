@@ -1,0 +1,170 @@
+"""What is asked of a light beside its shape: factors on its radiance, none on any density."""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import ControlView, LightView, SceneView
+from warpmis.features import Features
+from warpmis.kernels.frame import luminance, to_local
+from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
+from warpmis.kernels.light.area import plane_hit
+from warpmis.kernels.light.dome import upper_bound
+from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.material import make_material
+from warpmis.kernels.warps import PI
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def shaping_factor(control: ControlView, emitted: wp.vec3) -> wp.vec3:
+    """UsdLuxShapingAPI: cone and focus of light that leaves in the direction `emitted` of the light's frame."""
+    one = wp.vec3(1.0, 1.0, 1.0)
+    off_axis = wp.atan2(wp.sqrt(emitted[0] * emitted[0] + emitted[1] * emitted[1]), -emitted[2])
+    if off_axis > control.cone_end:
+        return wp.vec3(0.0, 0.0, 0.0)
+    inside = float(1.0)
+    if off_axis > control.cone_start:
+        t = (off_axis - control.cone_start) / (control.cone_end - control.cone_start)
+        inside = 1.0 - t * t * (3.0 - 2.0 * t)
+    factor = one
+    if control.focus > 0.0:
+        share = wp.pow(wp.abs(emitted[2]), control.focus)
+        factor = control.focus_tint * (1.0 - share) + one * share
+    return factor * inside
+
+
+@wp.func
+def ies_factor(control: ControlView, emitted: wp.vec3) -> float:
+    """Intensity of the profile in the direction `emitted` of the light's frame; 1 without a profile."""
+    verticals = control.ies_vertical.shape[0]
+    if verticals == 0:
+        return 1.0
+    theta = wp.atan2(wp.sqrt(emitted[0] * emitted[0] + emitted[1] * emitted[1]), -emitted[2])
+    if control.ies_angle_scale > 0.0:
+        theta = theta / control.ies_angle_scale
+    else:
+        theta = (theta - PI) / -control.ies_angle_scale + PI
+    if theta < control.ies_vertical[0] or theta > control.ies_vertical[verticals - 1]:
+        return 0.0
+    phi = wp.atan2(emitted[1], emitted[0])
+    if phi < 0.0:
+        phi = phi + 2.0 * PI
+    column = wp.max(upper_bound(control.ies_vertical, 0, verticals, theta), 1)
+    row = wp.max(upper_bound(control.ies_horizontal, 0, control.ies_horizontal.shape[0], phi), 1)
+    across = control.ies_vertical[column] - control.ies_vertical[column - 1]
+    fx = (theta - control.ies_vertical[column - 1]) / across
+    around = control.ies_horizontal[row] - control.ies_horizontal[row - 1]
+    fy = wp.clamp((phi - control.ies_horizontal[row - 1]) / around, 0.0, 1.0)
+    lower = control.ies_intensity[row - 1, column - 1] * (1.0 - fx) + control.ies_intensity[row - 1, column] * fx
+    upper = control.ies_intensity[row, column - 1] * (1.0 - fx) + control.ies_intensity[row, column] * fx
+    return lower * (1.0 - fy) + upper * fy
+
+
+@wp.func
+def picture_factor(control: ControlView, light: LightView, x: wp.vec3, wi: wp.vec3) -> wp.vec3:
+    """A rect light's picture where the ray from x meets it: bilinear, clamped at the edges."""
+    rows = control.picture.shape[0]
+    columns = control.picture.shape[1]
+    if rows == 0:
+        return wp.vec3(1.0, 1.0, 1.0)
+    plane = plane_hit(light, x, wi)
+    column = wp.clamp((0.5 - 0.5 * plane.a) * float(columns) - 0.5, 0.0, float(columns - 1))
+    row = wp.clamp((0.5 - 0.5 * plane.b) * float(rows) - 0.5, 0.0, float(rows - 1))
+    column0 = int(column)
+    row0 = int(row)
+    column1 = wp.min(column0 + 1, columns - 1)
+    row1 = wp.min(row0 + 1, rows - 1)
+    fx = column - float(column0)
+    fy = row - float(row0)
+    upper = control.picture[row0, column0] * (1.0 - fx) + control.picture[row0, column1] * fx
+    lower = control.picture[row1, column0] * (1.0 - fx) + control.picture[row1, column1] * fx
+    return upper * (1.0 - fy) + lower * fy
+
+
+def make_control(features: Features) -> SimpleNamespace:
+    """For the lights in `features`: prim_of, factor, response, has_own_shadows, transmittance."""
+    intersect = make_intersect(features)
+    materials = make_material(features)
+
+    @wp.func
+    def prim_of(scene: SceneView, triangle: int) -> int:
+        """Receiver.prim of a point on the triangle."""
+        if scene.controls.shape[0] == 0:
+            return 1
+        return scene.prims[triangle] + 1
+
+    @wp.func
+    def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
+        """What the light of that row in SceneView.controls sends to r, against wi, as a share of its radiance."""
+        share = wp.vec3(1.0, 1.0, 1.0)
+        if index >= scene.controls.shape[0]:
+            return share
+        control = scene.controls[index]
+        if wp.static(features.light_links):
+            if r.prim > 0 and control.reaches.shape[0] > 0:
+                if control.reaches[r.prim - 1] == 0:
+                    return wp.vec3(0.0, 0.0, 0.0)
+        if wp.static(features.shaping):
+            share = shaping_factor(control, control.to_light * -wi)
+        if wp.static(features.ies):
+            share = share * ies_factor(control, control.to_light * -wi)
+        if wp.static(features.light_pictures):
+            if index < scene.light_count:
+                share = wp.cw_mul(share, picture_factor(control, scene.lights[index], r.x, wi))
+        if wp.static(features.light_tints):
+            if r.prim > 0:
+                share = wp.cw_mul(share, control.tint)
+        return share
+
+    @wp.func
+    def response(scene: SceneView, index: int, diffuse: wp.vec3) -> wp.vec3:
+        """What the lobes make of the light, of which the diffuse one scatters the share `diffuse`."""
+        one = wp.vec3(1.0, 1.0, 1.0)
+        if index >= scene.controls.shape[0]:
+            return one
+        control = scene.controls[index]
+        return diffuse * control.diffuse + (one - diffuse) * control.specular
+
+    @wp.func
+    def has_own_shadows(scene: SceneView, index: int, r: Receiver) -> bool:
+        """Whether a surface sees the light through what other lights are blocked by. The camera does not."""
+        if r.prim == 0 or index >= scene.controls.shape[0]:
+            return False
+        return scene.controls[index].shadowed_by.shape[0] > 0
+
+    @wp.func
+    def transmittance(scene: SceneView, index: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """What a shadow ray leaves of the light: surfaces of prims that cast no shadow from it let it pass."""
+        if index >= scene.controls.shape[0]:
+            return intersect.transmittance(scene, origin, wi, distance)
+        control = scene.controls[index]
+        if control.shadowed_by.shape[0] == 0:
+            return intersect.transmittance(scene, origin, wi, distance)
+        share = wp.vec3(1.0, 1.0, 1.0)
+        start = origin
+        left = distance
+        for _passed in range(MAX_PASSED):
+            hit = closest_hit(scene, start, wi)
+            if hit.distance >= left:
+                return share
+            if control.shadowed_by[scene.prims[hit.triangle]] != 0:
+                if wp.static(not features.opacity):
+                    return wp.vec3(0.0, 0.0, 0.0)
+                material = materials.at(scene, hit.triangle, hit.u, hit.v)
+                cos_theta = to_local(intersect.shading_frame(scene, hit, wi), -wi)[2]
+                share = wp.cw_mul(share, intersect.passed(material, cos_theta))
+                if luminance(share) <= 0.0:
+                    return share
+            left -= hit.distance
+            start = hit.p - hit.ng * hit.offset
+        return wp.vec3(0.0, 0.0, 0.0)
+
+    return SimpleNamespace(
+        prim_of=prim_of,
+        factor=factor,
+        response=response,
+        has_own_shadows=has_own_shadows,
+        transmittance=transmittance,
+    )
