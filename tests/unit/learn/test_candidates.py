@@ -10,12 +10,15 @@ import warp as wp
 from toys import Toy, bad_moments, filled, smooth
 
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
-from warpmis.learn.candidates import LIGHT_COST, MARGIN, make_candidates
+from warpmis.learn.candidates import LIGHT_COST, make_candidates
 from warpmis.methods import METHODS
 
 SHARES = np.array(CANDIDATES)
 MIXTURE = Layout(2, METHODS["accumulated"].statistics)
 PAIRS = Layout(2, METHODS["auto"].statistics)
+
+# How much better than next-event estimation a mixture must be, of both losses.
+MARGIN = 0.05
 
 # So much more variance that a candidate is not chosen.
 HOPELESS = 1e6
@@ -35,7 +38,7 @@ def choose(layout: Layout, moments: np.ndarray, *, stratified: bool = True, weig
     shares = wp.array(np.float32([[0.35, 0.65]]), dtype=vec_s, device="cpu")
     known = wp.array(moments[None], dtype=layout.vec, device="cpu")
     efficiency = wp.zeros(1, dtype=wp.vec2d, device="cpu")
-    inputs = [0, known, weight, shares, efficiency]
+    inputs = [0, known, weight, MARGIN, shares, efficiency]
     wp.launch(make_candidates(layout, stratified), dim=1, inputs=inputs, device="cpu")
     return Chosen(shares.numpy()[0].astype(np.float64), *efficiency.numpy()[0])
 
