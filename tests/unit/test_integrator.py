@@ -89,6 +89,15 @@ def test_first_hit_pictures() -> None:
     assert (result.alpha == 1.0).all()
 
 
+def test_kernels_that_differ_in_a_strategy_alone_are_two() -> None:
+    """Warp's name of a module leaves out what depends on a loop's variable, the strategies' names among it."""
+    uniform, cosine = (
+        warpmis.render(scenes.room(), method="balance", strategies=("bsdf", "light", third), spp=16)
+        for third in ("uniform", "cosine")
+    )
+    assert not np.array_equal(uniform.image, cosine.image)
+
+
 def test_progress_ends_at_the_total() -> None:
     reports: list[warpmis.Progress] = []
     warpmis.render(scenes.room(), progress=reports.append, **SETTINGS)

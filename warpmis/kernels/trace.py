@@ -1,6 +1,7 @@
 """The trace kernel: a stretch of pixels, a stretch of samples, one thread a pixel."""
 
 from functools import cache
+from zlib import crc32
 
 import warp as wp
 
@@ -52,6 +53,9 @@ def make_trace(features: Features) -> wp.Kernel:
     Li = path.Li
     vec_s = path.strategies.vec_s
     count = path.strategies.count
+    # Warp names a module by its source and its static values, but leaves out those that depend on a loop's variable, such
+    # as the strategies' names: two kernels would share one name, and the second would run as the first.
+    signature = crc32(repr(features).encode()) >> 1
     layout = Layout(count if count > 1 else 0, features.statistics)
     moments = make_moments(layout)
     learns = layout.size > 0
@@ -72,6 +76,8 @@ def make_trace(features: Features) -> wp.Kernel:
         film: FilmView,
         moment_sums: wp.array(dtype=vec_k),
     ):
+        if wp.static(signature) < 0:
+            return
         pixel = first_pixel + wp.tid()
         key = rng.RngKey()
         key.seed = seed

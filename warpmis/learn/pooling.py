@@ -8,6 +8,7 @@ Reference: Schied et al. (2017), "Spatiotemporal Variance-Guided Filtering", for
 """
 
 from functools import cache
+from zlib import crc32
 
 import warp as wp
 
@@ -101,6 +102,7 @@ def make_pool(layout: Layout) -> wp.Kernel:
     vec_k = layout.vec
     size = layout.size
     powers = tuple(layout.power(entry) for entry in range(size))
+    signature = crc32(repr(layout).encode()) >> 1  # as in kernels/trace.py
 
     @wp.kernel(module="unique", enable_backward=False)
     def pool(
@@ -113,6 +115,8 @@ def make_pool(layout: Layout) -> wp.Kernel:
         radius: int,
         pooled: wp.array(dtype=vec_k),
     ):
+        if wp.static(signature) < 0:
+            return
         pixel = first + wp.tid()
         center = guide_of(film, pixel)
         total = vec_k()
