@@ -53,8 +53,8 @@ def make_trace(features: Features) -> wp.Kernel:
     Li = path.Li
     vec_s = path.strategies.vec_s
     count = path.strategies.count
-    # Warp names a module by its source and its static values, but leaves out those that depend on a loop's variable, such
-    # as the strategies' names: two kernels would share one name, and the second would run as the first.
+    # Warp names a module by its source and its static values, but leaves out those that depend on a loop's variable,
+    # such as the strategies' names: two kernels would share one name, and the second would run as the first.
     signature = crc32(repr(features).encode()) >> 1
     layout = Layout(count if count > 1 else 0, features.statistics)
     moments = make_moments(layout)

@@ -21,8 +21,11 @@ def schedule(config: RenderConfig) -> tuple[Round, ...]:
     rounds = []
     spent = 0
     if config.how.learns:
-        spp = config.learn_spp()
-        for _ in range(config.learn_rounds()):
+        count, spp = config.learn_rounds(), config.learn_spp()
+        if config.how.next_event:
+            # Its statistics are of pairs alone: pixels that have gone over to a mixture would add none.
+            count, spp = 1, count * spp
+        for _ in range(count):
             rounds.append(Round(spent, spp, learn=True))
             spent += spp
     if spent < config.spp:
