@@ -111,7 +111,8 @@ def learning(scene: warpmis.Scene, repeats: int) -> Figure:
     samples, not of rounds, so rounds add no launches but the solver's.
     """
     spp = 32
-    run = integrator(scene, RenderConfig(spp=2 * spp, threads=1, learn=LearnConfig(rounds=1, spp=spp)))
+    learn = LearnConfig(rounds=1, spp=spp)
+    run = integrator(scene, RenderConfig(method="murray20", spp=2 * spp, threads=1, learn=learn))
     equal = wp.clone(run.allocation)
 
     def with_learning() -> None:
