@@ -107,10 +107,11 @@ def make_trace(features: Features) -> wp.Kernel:
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
-            if not is_finite(luminance(radiance)):
+            brightness = luminance(radiance)
+            if not is_finite(brightness):
                 rejected += 1
                 continue
-            y = wp.float64(luminance(radiance))
+            y = wp.float64(brightness)
             color += wp.vec3d(radiance)
             lum += wp.vec2d(y, y * y)
             albedo += wp.vec3d(sample.albedo)

@@ -21,6 +21,14 @@ from warpmis.methods import Method
 # Runs a kernel over all pixels: its first argument is the first pixel of a launch, these are the others.
 Launch = Callable[[wp.Kernel, list[Any]], None]
 
+# The solver kernels by name, but for the one that also needs to know how strategies are chosen.
+SOLVERS: dict[str, Callable[[Layout], wp.Kernel]] = {
+    "newton_share": make_newton_share,
+    "newton_seed": make_newton_seed,
+    "newton_simplex": make_newton_simplex,
+    "expectation": make_expectation,
+}
+
 # Pixels whose variance is beyond this quantile do not count in the weight of cost: single paths decide theirs.
 TRUSTED = 0.95
 
@@ -47,22 +55,22 @@ class Learner:
         self.layout = Layout(self.count if self.count > 1 else 0, method.statistics)
         pixels = self.width * self.height
         self.moments = wp.zeros(pixels if self.layout.size else 1, dtype=self.layout.vec, device=device)
-        self.kernels: list[wp.Kernel] = []
-        if method.solver == "newton_share":
-            self.kernels = [make_newton_share(self.layout)]
-        elif method.solver == "newton_seed":
-            self.kernels = [make_newton_seed(self.layout)]
-        elif method.solver == "expectation":
-            self.kernels = [make_expectation(self.layout)]
-        elif method.solver == "newton_simplex":
-            self.kernels = [make_newton_simplex(self.layout)]
-        elif method.solver == "candidates":
-            self.kernels = [make_candidates(self.layout, stratified)]
+        if method.solver == "candidates":
+            self.solver = make_candidates(self.layout, stratified)
             self.efficiency = wp.zeros(pixels, dtype=wp.vec2d, device=device)
-        if self.layout.offset("mean") >= 0:
-            self.kernels += [make_scale(self.layout), make_pool(self.layout)]
+        elif method.learns:
+            self.solver = SOLVERS[method.solver](self.layout)
+        self.pools = "mean" in method.statistics
+        if self.pools:
+            self.scale, self.pool = make_scale(self.layout), make_pool(self.layout)
             self.scales = wp.zeros(pixels, dtype=wp.float64, device=device)
             self.pooled = wp.zeros(pixels, dtype=self.layout.vec, device=device)
+
+    @property
+    def kernels(self) -> list[wp.Kernel]:
+        """All that will be launched, so that they can be compiled beforehand."""
+        solver = [self.solver] if self.method.learns else []
+        return [*solver, self.scale, self.pool] if self.pools else solver
 
     @property
     def min_share(self) -> float:
@@ -76,16 +84,16 @@ class Learner:
 
     def step(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
         """Replace the allocation by the next one; `film` holds the samples of the moments."""
-        if self.layout.offset("mean") >= 0:
+        if self.pools:
             self._pool(film, launch)
         if self.method.solver == "newton_simplex":
-            launch(self.kernels[0], [self.pooled, allocation, self.min_share])
+            launch(self.solver, [self.pooled, allocation, self.min_share])
         elif self.method.solver == "candidates":
             self._choose(allocation, film, launch)
         elif self.method.solver == "expectation":
-            launch(self.kernels[0], [self.moments, allocation, self.min_share])
+            launch(self.solver, [self.moments, allocation, self.min_share])
         else:
-            launch(self.kernels[0], [self.moments, allocation, self.method.min_share, self.method.max_share])
+            launch(self.solver, [self.moments, allocation, self.method.min_share, self.method.max_share])
 
     def _choose(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
         """Least variance; where cost counts, least product of the picture's variance and cost, by fixed point.
@@ -95,7 +103,7 @@ class Learner:
         """
         margin = NOISE / float(np.sqrt(max(int(film.accepted.numpy().max()), 1)))
         weight = 0.0
-        launch(self.kernels[0], [self.pooled, weight, margin, allocation, self.efficiency])
+        launch(self.solver, [self.pooled, weight, margin, allocation, self.efficiency])
         for _ in range(COST_STEPS if self.method.cost_aware else 0):
             variance, cost = self.efficiency.numpy().T
             lit = np.isfinite(variance) & (variance > 0.0)
@@ -103,13 +111,12 @@ class Learner:
                 return
             trusted = variance[lit] <= np.quantile(variance[lit], TRUSTED)
             weight = float(variance[lit][trusted].sum() / cost[lit][trusted].sum())
-            launch(self.kernels[0], [self.pooled, weight, margin, allocation, self.efficiency])
+            launch(self.solver, [self.pooled, weight, margin, allocation, self.efficiency])
 
     def _pool(self, film: FilmView, launch: Launch) -> None:
-        scale, pool = self.kernels[1:]
         total = self.moments.numpy()[:, self.layout.offset("mean")]
         usable = total[np.isfinite(total)]
         floor = FLOOR * float(usable.sum()) / max(int(film.accepted.numpy().sum()), 1)
-        launch(scale, [self.moments, film, self.width, self.height, floor, self.scales])
+        launch(self.scale, [self.moments, film, self.width, self.height, floor, self.scales])
         radius = self.method.pool_radius
-        launch(pool, [self.moments, self.scales, film, self.width, self.height, radius, self.pooled])
+        launch(self.pool, [self.moments, self.scales, film, self.width, self.height, radius, self.pooled])
