@@ -155,18 +155,23 @@ class Integrator:
         return float((self.allocation.numpy().sum(axis=1) == 0.0).mean())
 
     def certificate(self, variance: NDArray[np.float32], image: NDArray[np.float32]) -> dict[str, float]:
-        """How much of the picture's relative variance other shares could have saved at most, from 0 to 1.
+        """How much of the relative variance other shares could have saved at most, from 0 to 1.
 
-        Empty where there was nothing to share, or no round after the last step to tell.
+        Of the pixels that share their samples: those that left for next-event estimation are not in it. Empty where
+        there was nothing to share, or no round after the last step to tell.
         """
         samples = self.film.accepted.numpy()
         if self.learner.layout.size == 0 or not samples.any():
             return {}
-        excess = excess_variance_bound(self.learner.moments.numpy(), self.allocation.numpy(), samples)
+        shares = self.allocation.numpy()
+        shared = (shares.sum(axis=1) > 0.0).reshape(variance.shape)
+        if not shared.any():
+            return {}
+        excess = excess_variance_bound(self.learner.moments.numpy(), shares, samples)
         excess = np.minimum(excess.reshape(variance.shape), variance)  # none can save more than there is
         scale = np.maximum(squared_scale(image), 1e-30)
-        whole = float((variance / scale).sum())
-        return {"excess_variance_bound": float((excess / scale).sum()) / max(whole, 1e-30)}
+        whole = float((variance / scale)[shared].sum())
+        return {"excess_variance_bound": float((excess / scale)[shared].sum()) / max(whole, 1e-30)}
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""

@@ -10,6 +10,10 @@ from scipy import stats as distributions
 import warpmis
 from warpmis import integrator
 from warpmis.config import STRATEGIES
+from warpmis.device.film import download_film
+from warpmis.device.upload import upload
+from warpmis.features import detect
+from warpmis.learn.schedule import Round
 
 DEPTH = 4
 
@@ -69,6 +73,23 @@ def test_bound_is_told_only_of_what_is_shared() -> None:
     for method in ("bsdf", "nee"):
         assert "excess_variance_bound" not in rendered(method, spp=4).stats
     assert "excess_variance_bound" not in rendered("murray20", spp=16, learn_spp=8, learn_rounds=2).stats
+
+
+def test_bound_leaves_out_pixels_that_went_over_to_next_event_estimation() -> None:
+    """They share nothing: whatever noise they have, the figure is that of the pixels that do."""
+    config = warpmis.RenderConfig(method="auto", spp=64, max_depth=2)
+    scene = scenes.room(12)
+    features = detect(scene).with_strategies(config.strategies, config.how.statistics)
+    shares = np.full((144, 2), 0.5, np.float32)
+    shares[72:] = 0.0
+    run = integrator.Integrator(upload(scene, "cpu"), features, config, shares)
+    run.trace(Round(0, 64, learn=False), lambda samples: None)
+    film = download_film(run.film, 12, 12)
+    bound = run.certificate(film.variance(), film.image())["excess_variance_bound"]
+    noisier = film.variance()
+    noisier[6:] *= 100.0
+    assert 0.0 < bound < 1.0
+    assert run.certificate(noisier, film.image())["excess_variance_bound"] == pytest.approx(bound, rel=1e-6)
 
 
 # ---- the choice of strategy -----------------------------------------------------------------------------------------
