@@ -11,7 +11,7 @@ import warp as wp
 
 from warpmis.device.views import DELTA_DISTANT, SceneView
 from warpmis.features import Features
-from warpmis.kernels import rng
+from warpmis.kernels import rng, roulette
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import Surface, make_surface
 from warpmis.kernels.frame import Frame, luminance, to_local, to_world
@@ -31,10 +31,6 @@ SEEN = wp.constant(0)  # from the camera or a mirror: no other strategy could ha
 MIXTURE = wp.constant(1)  # from the mixture: its density is complete once the ray's lights are known
 WEIGHTED = wp.constant(2)  # from the BSDF, against the light sample of the same vertex
 PAIRED = wp.constant(3)  # the same at the mixture's vertex, for learning: its densities are to be completed, too
-
-# From this many bounces on a path may end by Russian roulette.
-ROULETTE_DEPTH = wp.constant(3)
-ROULETTE_MAX_SURVIVAL = wp.constant(0.95)
 
 
 def make_path(features: Features) -> SimpleNamespace:
@@ -58,9 +54,12 @@ def make_path(features: Features) -> SimpleNamespace:
         F = f / p_a, throughput up to its vertex included; direct: the part of it that came straight from the lights;
         q: p_s / p_a of its direction, or 1 / a_s for the one that drew in vain.
 
-        Where next-event estimation stands in for the mixture: light, light_share: the part of its light sample, and
-        p_bsdf / (p_bsdf + p_light) of that sample's direction; q is the same of the BSDF's direction, and direct the
-        weighted light that it met.
+        Where next-event estimation stands in for the mixture: light, light_share, light_rays: the part of its light
+        sample, p_bsdf / (p_bsdf + p_light) of that sample's direction, and its shadow rays; q is p_s / (p_bsdf +
+        p_light) of the BSDF's direction, and direct the weighted light that it met.
+
+        late: the part of mixed that was found after Russian roulette could have ended the path; throughput: that of
+        the last roulette, as if no roulette had been, and 1 without one.
 
         hit: 1 where a surface was met, of which albedo, normal and distance tell; alpha: 1 also for a light in view;
         early_rays, early_shadow_rays: those of all rays that were traced before Russian roulette could end the path;
@@ -70,9 +69,12 @@ def make_path(features: Features) -> SimpleNamespace:
         seen: wp.vec3
         mixed: wp.vec3
         direct: wp.vec3
+        late: wp.vec3
+        throughput: float
         q: vec_s
         light: wp.vec3
         light_share: float
+        light_rays: int
         alpha: float
         albedo: wp.vec3
         normal: wp.vec3
@@ -191,6 +193,7 @@ def make_path(features: Features) -> SimpleNamespace:
         Surfaces beyond `reach` are not in view. u_strategy chooses the strategy of the mixture's direction.
         """
         path = PathSample()
+        path.throughput = 1.0
         L = wp.vec3(0.0, 0.0, 0.0)
         beta = wp.vec3(1.0, 1.0, 1.0)
         wi = direction
@@ -203,6 +206,8 @@ def make_path(features: Features) -> SimpleNamespace:
         p = vec_s()
         mixed = int(-1)  # the bounce at which the mixture was drawn from; none yet
         bounces = int(0)
+        early = wp.vec3(0.0, 0.0, 0.0)
+        survived = float(1.0)
 
         for step in range(max_depth + 1 + MAX_PASSED):
             hit = closest_hit(scene, start, wi)
@@ -332,6 +337,7 @@ def make_path(features: Features) -> SimpleNamespace:
                     if arrival == PAIRED:
                         path.light = L
                         path.light_share = from_light.share
+                        path.light_rays = from_light.rays
                 wi = to_world(frame, surface.sample(s, u_scatter))
 
             if wp.dot(wi, hit.ng) <= 0.0:
@@ -350,14 +356,18 @@ def make_path(features: Features) -> SimpleNamespace:
                 break
             if arrival >= WEIGHTED:
                 beta = beta / pdf_bsdf
-                if bounces >= ROULETTE_DEPTH:
+                if bounces >= roulette.DEPTH:
+                    throughput = wp.max(beta)
                     if path.early_rays == 0:
                         path.early_rays = path.rays
                         path.early_shadow_rays = path.shadow_rays
-                    survival = wp.min(wp.max(beta[0], wp.max(beta[1], beta[2])), ROULETTE_MAX_SURVIVAL)
+                        early = L
+                    path.throughput = throughput * survived
+                    survival = roulette.survival(throughput)
                     if u_event[2] >= survival:
                         break
                     beta = beta / survival
+                    survived = survived * survival
         if mixed < 0:
             path.seen = L
         else:
@@ -365,6 +375,8 @@ def make_path(features: Features) -> SimpleNamespace:
             if path.early_rays == 0:
                 path.early_rays = path.rays
                 path.early_shadow_rays = path.shadow_rays
+            else:
+                path.late = L - early
         return path
 
     return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies, paired=paired)

@@ -125,16 +125,29 @@ def make_trace(features: Features) -> wp.Kernel:
                 sums = moments.add(sums, wp.where(learn == LEARN_DIRECT, sample.direct, sample.mixed), sample.q)
                 if wp.static(len(features.statistics) > 0):
                     if learn != LEARN_NOTHING:
+                        # Those of a path that the mixture took no part in are the same whatever the shares are.
                         cost = float(sample.rays) + SHADOW_RAY_COST * float(sample.shadow_rays)
+                        early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
                         if wp.static(path.paired):
                             indirect = sample.mixed - sample.light - sample.direct
                             s_bsdf = sample.q[wp.static(path.strategies.bsdf)]
                             sums = moments.add_pair(
-                                sums, sample.light, sample.light_share, sample.direct, indirect, s_bsdf, cost
+                                sums,
+                                sample.light,
+                                sample.light_share,
+                                sample.direct,
+                                indirect,
+                                sample.late,
+                                sample.throughput,
+                                s_bsdf,
+                                early - SHADOW_RAY_COST * float(sample.light_rays),
+                                cost - early,
+                                sample.light_rays,
                             )
                         else:
-                            early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
-                            sums = moments.add_statistics(sums, sample.mixed, early, cost - early, sample.q, a)
+                            sums = moments.add_statistics(
+                                sums, sample.mixed, sample.late, sample.throughput, early, cost - early, sample.q, a
+                            )
         film.color[pixel] = film.color[pixel] + color
         accepted = film.accepted[pixel]
         film.luminance[pixel] = merged(film.luminance[pixel], accepted, lum, samples - rejected)
