@@ -120,12 +120,15 @@ def make_intersect(features: Features) -> SimpleNamespace:
         return share
 
     @wp.func
+    def visibility(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """What a shadow ray leaves of the light among opaque surfaces: all or nothing."""
+        if wp.mesh_query_ray_anyhit(scene.mesh, origin, wi, distance):
+            return wp.vec3(0.0, 0.0, 0.0)
+        return wp.vec3(1.0, 1.0, 1.0)
+
+    @wp.func
     def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """What a shadow ray leaves of the light: 0 or 1 per colour among opaque surfaces."""
-        if wp.static(not features.opacity):
-            if wp.mesh_query_ray_anyhit(scene.mesh, origin, wi, distance):
-                return wp.vec3(0.0, 0.0, 0.0)
-            return wp.vec3(1.0, 1.0, 1.0)
+        """What a shadow ray leaves of the light among surfaces that let it through, per colour."""
         share = wp.vec3(1.0, 1.0, 1.0)
         start = origin
         left = distance
@@ -145,4 +148,8 @@ def make_intersect(features: Features) -> SimpleNamespace:
             start = hit.p - hit.ng * hit.offset
         return wp.vec3(0.0, 0.0, 0.0)
 
-    return SimpleNamespace(shading_frame=shading_frame, passed=passed, transmittance=transmittance)
+    return SimpleNamespace(
+        shading_frame=shading_frame,
+        passed=passed,
+        transmittance=transmittance if features.opacity else visibility,
+    )
