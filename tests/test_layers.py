@@ -43,7 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "compare": {"config", "methods", "errors", "metrics", "output", "progress", ""},
     "cli": {
-        "compare", "config", "methods", "errors", "inspection", "output", "progress", "rendering", "result", "scene",
+        "compare", "config", "methods", "errors", "features", "inspection", "output", "progress", "rendering", "result", "scene",
         "usd", "",
     },
     "__main__": {"cli"},

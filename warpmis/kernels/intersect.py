@@ -77,6 +77,8 @@ def make_intersect(features: Features) -> SimpleNamespace:
     @wp.func
     def mapped_normal(scene: SceneView, hit: Hit, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
         """The normal `n`, on the ray's side, turned by a normal map, no further than the ray's origin can see it."""
+        if not materials.has_normal_map(scene, hit.triangle):
+            return n
         side = wp.where(hit.outside != 0, 1.0, -1.0)
         turned = materials.tilted(scene, hit.triangle, hit.u, hit.v, n * side) * side
         seen = -wp.dot(turned, wi)
