@@ -6,12 +6,13 @@ A kernel is generated for one Features value. What is off is absent from the ker
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from warpmis.light_control import LightControl
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
-from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of, is_lookup
+from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
 
 # Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
 SMOOTH_ALPHA = 1e-3
@@ -100,8 +101,8 @@ def is_emissive(material: Material) -> bool:
 
 def reflects(material: Material) -> bool:
     """Whether the material scatters any light; one with a specular lobe always does."""
-    color = material.diffuse_color
-    return not material.lambertian or is_lookup(color) or max(color) > 0.0
+    constant: Any = material.mean
+    return not material.lambertian or max(constant.diffuse_color) > 0.0
 
 
 def is_delta(light: object) -> bool:

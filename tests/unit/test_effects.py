@@ -105,7 +105,7 @@ HARD_CASES = hard_cases()
 
 
 def assert_same_paths(scene: warpmis.Scene, **settings: Any) -> None:
-    """All but a thousandth of the pixels to 1e-4, and the mean: compilers may round differently, paths do not differ."""
+    """All but a thousandth of the pixels to 1e-4, and the mean: compilers may round differently, paths are equal."""
     settings = {"method": "balance", "spp": 16, "seed": 3, **settings}
     mine = warpmis.render(scene, **settings).image.astype(float)
     theirs = warpmis.render(scene, features=Features.all(), **settings).image.astype(float)

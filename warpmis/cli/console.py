@@ -79,7 +79,7 @@ def say_compilation(progress: Progress) -> None:
 
 @contextmanager
 def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on a terminal, which begins with `label`; anywhere else a line where kernels are compiled; None if quiet."""
+    """A bar on a terminal, which begins with `label`; elsewhere a line if kernels are compiled; None if quiet."""
     if quiet or not sys.stderr.isatty():
         yield None if quiet else say_compilation
         return

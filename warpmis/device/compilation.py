@@ -40,14 +40,12 @@ def load_kernels(
     if absent and announce is not None:
         announce(absent)
     wp.force_load(device=device, modules=modules, max_workers=COMPILERS)
-    compiled = sum(
-        binaries(folder, is_cpu) != earlier for folder, earlier in zip(folders, before, strict=True)
-    )
+    compiled = sum(binaries(folder, is_cpu) != earlier for folder, earlier in zip(folders, before, strict=True))
     return Compilation(compiled, len(modules) - compiled, time.perf_counter() - start)
 
 
 def cache_folder(module: wp.Module, is_cpu: bool) -> Path:
-    """Where Warp keeps what it makes of a module; launches have blocks of one thread on a CPU, of its own choice else."""
+    """Where Warp keeps what it makes of a module: on a CPU that for blocks of one thread, as launches there have."""
     return Path(wp.config.kernel_cache_dir) / module.get_module_identifier(1 if is_cpu else None)
 
 

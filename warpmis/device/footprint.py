@@ -32,7 +32,7 @@ PURPOSES = {
     "prims": "light controls",
     "dome": "dome",
 }
-STRUCTS = (SceneView, VaryingView, DomeView, ControlView, FilmView)
+STRUCTS: tuple[Any, ...] = (SceneView, VaryingView, DomeView, ControlView, FilmView)
 
 
 def scene_bytes(scene: DeviceScene) -> dict[str, int]:
