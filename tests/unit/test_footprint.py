@@ -1,4 +1,4 @@
-"""Bytes per pixel and per triangle are those that docs/performance.md states."""
+"""Bytes per pixel and per triangle are those that docs/effects.md states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bytes in a device's memory that a scene and a picture take (docs/performance.md states them per triangle and pixel).
+"""Bytes in a device's memory that a scene and a picture take (docs/effects.md states them per triangle and pixel).
 
 Warp's trees are not counted: Warp does not tell their size.
 """
