@@ -48,37 +48,54 @@ FUNCTIONS = {
 }
 
 
-def functions_of(features: Features) -> set[str]:
-    """Names of the device functions in the trace kernel's source."""
+def source_of(features: Features) -> str:
+    """The trace kernel's source as generated."""
     kernel = make_trace(features)
     load_kernels([kernel], "cpu")
     (source,) = cache_folder(kernel.module, is_cpu=True).glob("*.cpp")
-    return set(re.findall(r"^static [^\n(]*?(\w+)_\d+\($", source.read_text(), re.MULTILINE))
+    return source.read_text()
+
+
+def functions_in(source: str) -> set[str]:
+    """Names of the device functions, as far as they have a body."""
+    return set(re.findall(r"^static [^\n(]*?(\w+)_\d+\($", source, re.MULTILINE))
+
+
+def draws_in(source: str) -> int:
+    """Places where a step of a path draws random numbers."""
+    return len(re.findall(r"= uniform4_of_step_\d+\(", source))
 
 
 @pytest.fixture(scope="module")
-def universal() -> set[str]:
-    return functions_of(features_of(scenes.room(), BALANCE, Features.all()))
+def universal() -> str:
+    return source_of(features_of(scenes.room(), BALANCE, Features.all()))
 
 
 @pytest.fixture(scope="module")
-def special() -> set[str]:
-    return functions_of(features_of(scenes.room(), BALANCE))
+def special() -> str:
+    return source_of(features_of(scenes.room(), BALANCE))
 
 
 @pytest.mark.parametrize("effect", FUNCTIONS)
-def test_an_absent_effect_is_absent_from_the_source(effect: str, special: set[str], universal: set[str]) -> None:
+def test_an_absent_effect_is_absent_from_the_source(effect: str, special: str, universal: str) -> None:
     assert not getattr(detect(scenes.room()), effect)
-    assert set(FUNCTIONS[effect]) <= universal
-    assert not set(FUNCTIONS[effect]) & special
+    assert set(FUNCTIONS[effect]) <= functions_in(universal)
+    assert not set(FUNCTIONS[effect]) & functions_in(special)
 
 
-def test_paths_of_one_bounce_take_no_light_samples_beside_the_mixture(special: set[str]) -> None:
-    """Direct light alone, and the mixture's vertex is the only one; no path lives long enough for roulette."""
-    assert "make_path__locals__sampled_light" in special
+def test_paths_of_one_bounce_take_no_light_samples_beside_the_mixture(special: str) -> None:
+    """Direct light alone, and the mixture's vertex is the only one."""
+    assert "make_path__locals__sampled_light" in functions_in(special)
     short = features_of(scenes.room(), replace(BALANCE, max_depth=1))
     assert not short.indirect
-    assert "make_path__locals__sampled_light" not in functions_of(short)
+    assert "make_path__locals__sampled_light" not in functions_in(source_of(short))
+
+
+def test_random_numbers_of_absent_effects_are_not_drawn(special: str, universal: str) -> None:
+    """Of a light, a direction, roulette; of delta lights and events as well; without indirect light not of roulette."""
+    assert draws_in(special) == 3
+    assert draws_in(universal) == 5
+    assert draws_in(source_of(features_of(scenes.room(), replace(BALANCE, max_depth=1)))) == 2
 
 
 def test_indirect_light_needs_a_surface_that_reflects_and_two_bounces() -> None:
