@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.compilation import Compilation, load_kernels
 from warpmis.device.film import download_film
-from warpmis.device.upload import check_device, upload
+from warpmis.device.upload import upload
 from warpmis.errors import Interrupted
 from warpmis.features import Features, detect
 from warpmis.integrator import Integrator, allocation_of, kernels_of
@@ -158,6 +158,22 @@ def resized(scene: Scene, width: int | None) -> Scene:
     return dataclasses.replace(scene, resolution=(width, height))
 
 
+def features_of(scene: Scene, config: RenderConfig, features: Features | None = None) -> Features:
+    """The effects to compile: those that are forced, else what scene and depth call for; and what the method needs."""
+    strategies = config.strategies if config.method != "nee" else ()
+    features = features or detect(scene).with_depth(config.max_depth)
+    return features.with_strategies(strategies, config.how.statistics)
+
+
+def compile_scene(scene: Scene, config: RenderConfig, features: Features | None = None) -> Compilation:
+    """Compile the kernels that `render` would launch for the scene, without rendering it.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    return load_kernels(kernels_of(features_of(scene, config, features), config), config.device)
+
+
 def render_scene(scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter) -> RenderResult:
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
@@ -192,23 +208,6 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     return result_of(scene, config, features, integrator, reporter, maps)
 
 
-def features_of(scene: Scene, config: RenderConfig, features: Features | None = None) -> Features:
-    """The effects to compile: those that are forced, else what scene and depth call for; and what the method needs."""
-    strategies = config.strategies if config.method != "nee" else ()
-    features = features or detect(scene).with_depth(config.max_depth)
-    return features.with_strategies(strategies, config.how.statistics)
-
-
-def compile_scene(scene: Scene, config: RenderConfig, features: Features | None = None) -> Compilation:
-    """Compile the kernels that `render` would launch for the scene, without rendering it.
-
-    Raises:
-        ConfigError: the machine lacks the device.
-    """
-    check_device(config.device)
-    return load_kernels(kernels_of(features_of(scene, config, features), config), config.device)
-
-
 def result_of(
     scene: Scene,
     config: RenderConfig,
@@ -234,15 +233,15 @@ def result_of(
         "rays_per_second": rays / traced if traced > 0.0 else 0.0,
         "next_event_pixels": integrator.next_event_share(),
         **integrator.certificate(spread.variance(), film.image()),
-        "compile_seconds": integrator.compilation.seconds,
-        "kernels_compiled": integrator.compilation.compiled,
-        "kernels_cached": integrator.compilation.cached,
-        "bytes": integrator.bytes(),
         "triangles": len(scene.geometry.triangles),
         "lights": len(scene.lights),
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,
         "threads": integrator.threads,
+        "compile_seconds": integrator.compilation.seconds,
+        "kernels_compiled": integrator.compilation.compiled,
+        "kernels_cached": integrator.compilation.cached,
+        "bytes": integrator.bytes(),
     }
     exposure = scene.camera.exposure
     return RenderResult(

@@ -63,20 +63,6 @@ def speed_text(samples: int, seconds: float) -> str:
     return f"{samples / max(seconds, 1e-9) / 1e6:.2f} Msamples/s"
 
 
-def byte_text(size: float) -> str:
-    for unit in ("B", "KiB", "MiB"):
-        if size < 1024:
-            return f"{size:.4g} {unit}"
-        size /= 1024
-    return f"{size:.4g} GiB"
-
-
-def say_compilation(progress: Progress) -> None:
-    """Why nothing is seen for some seconds."""
-    if progress.phase == "compile" and progress.detail:
-        say(f"compiling {progress.detail}")
-
-
 @contextmanager
 def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
     """A bar on a terminal, which begins with `label`; elsewhere a line if kernels are compiled; None if quiet."""
@@ -107,3 +93,17 @@ def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress
             )
 
         yield show
+
+
+def byte_text(size: float) -> str:
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024:
+            return f"{size:.4g} {unit}"
+        size /= 1024
+    return f"{size:.4g} GiB"
+
+
+def say_compilation(progress: Progress) -> None:
+    """Why nothing is seen for some seconds."""
+    if progress.phase == "compile" and progress.detail:
+        say(f"compiling {progress.detail}")

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import warp as wp
 
+from warpmis.device.upload import check_device
+
 # One compiler for the trace kernel, which takes longer than all others together, and one for those.
 COMPILERS = 2
 
@@ -30,7 +32,12 @@ class Compilation:
 def load_kernels(
     kernels: Iterable[wp.Kernel], device: str, announce: Callable[[int], None] | None = None
 ) -> Compilation:
-    """Compile what Warp's cache lacks and load the rest; `announce` is told beforehand how many are to be compiled."""
+    """Compile what Warp's cache lacks and load the rest; `announce` is told beforehand how many are to be compiled.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    check_device(device)
     start = time.perf_counter()
     modules = list({kernel.module: None for kernel in kernels})
     is_cpu = wp.get_device(device).is_cpu
