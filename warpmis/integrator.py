@@ -17,7 +17,7 @@ from warpmis.config import RenderConfig
 from warpmis.device.compilation import load_kernels
 from warpmis.device.film import allocate_film
 from warpmis.device.footprint import array_bytes, scene_bytes
-from warpmis.device.upload import DeviceScene
+from warpmis.device.upload import DeviceScene, check_device
 from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
@@ -64,7 +64,12 @@ def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) 
 
 
 def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
-    """All that a run would launch, whatever the size of its picture."""
+    """All that a run would launch, whatever the size of its picture.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    check_device(config.device)
     return [make_trace(features), *learner_of(features, config, (1, 1)).kernels]
 
 

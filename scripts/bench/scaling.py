@@ -36,9 +36,7 @@ def seconds_per_sample(run: Integrator, samples: int) -> float:
 
 def scaling(scene: warpmis.Scene, method: str, repeats: int) -> dict[str, Any]:
     config = RenderConfig(method=method, threads=1)
-    run = Integrator(
-        upload(scene, "cpu"), features_of(scene, config), config, allocation_of(config, *scene.resolution)
-    )
+    run = Integrator(upload(scene, "cpu"), features_of(scene, config), config, allocation_of(config, *scene.resolution))
     seconds_per_sample(run, SAMPLES[0])
     rows = [[seconds_per_sample(run, samples) for samples in SAMPLES] for _ in range(repeats)]
     columns = list(zip(*([value / statistics.mean(row) for value in row] for row in rows), strict=True))

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from warpmis.cli import main
+
 STAGE = """#usda 1.0
 def Camera "Here"
 {
@@ -92,3 +94,9 @@ def test_explanation_names_effects_their_prims_and_what_was_compiled(compiled: P
     assert "dome_picture" in left_out and "rect_light" not in left_out
     assert any(line.startswith("warpmis: kernels: 0 compiled, 2 from the cache, ready after ") for line in said)
     assert any("memory: geometry" in line and "picture" in line for line in said)
+
+
+def test_a_device_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "stage.usda").write_text(STAGE)
+    assert main(["compile", str(tmp_path / "stage.usda"), "--camera", "Here", "--device", "cuda:7"]) == 2
+    assert "this machine has no device 'cuda:7'" in capsys.readouterr().err

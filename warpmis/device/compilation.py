@@ -9,8 +9,6 @@ from pathlib import Path
 
 import warp as wp
 
-from warpmis.device.upload import check_device
-
 # One compiler for the trace kernel, which takes longer than all others together, and one for those.
 COMPILERS = 2
 
@@ -32,12 +30,7 @@ class Compilation:
 def load_kernels(
     kernels: Iterable[wp.Kernel], device: str, announce: Callable[[int], None] | None = None
 ) -> Compilation:
-    """Compile what Warp's cache lacks and load the rest; `announce` is told beforehand how many are to be compiled.
-
-    Raises:
-        ConfigError: the machine lacks the device.
-    """
-    check_device(device)
+    """Compile what Warp's cache lacks and load the rest; `announce` is told beforehand how many are to be compiled."""
     start = time.perf_counter()
     modules = list({kernel.module: None for kernel in kernels})
     is_cpu = wp.get_device(device).is_cpu
