@@ -156,7 +156,9 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
     group.add_argument(
-        "--explain", action="store_true", help="say which effects the kernels hold, and what time and memory the render took"
+        "--explain",
+        action="store_true",
+        help="say which effects the kernels hold, and what time and memory the render took",
     )
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
