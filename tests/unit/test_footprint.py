@@ -14,6 +14,8 @@ from warpmis.device.footprint import scene_bytes
 from warpmis.device.upload import upload
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.rendering import features_of
+from warpmis.scene import Material
+from warpmis.texture import PrimvarLookup
 
 FILM = 132
 # Bytes of a pixel: films, shares, moments; where moments are pooled, these again and their scale.
@@ -63,3 +65,15 @@ def test_bytes_per_triangle_and_point() -> None:
     small, large = (scene_bytes(upload(grid(cells), "cpu"))["geometry"] for cells in (8, 24))
     triangles, points = 2 * (24**2 - 8**2), 25**2 - 9**2
     assert large - small == 44 * triangles + 12 * points
+
+
+def test_bytes_of_normals_and_primvars() -> None:
+    """12 a normal; 12 a triangle for each number that its material reads, at each of three corners."""
+    geometry = grid(8).geometry
+    count = len(geometry.triangles)
+    normals = np.tile(np.float32([0.0, 0.0, 1.0]), (5, 1))
+    colored = Material(path="/colored", diffuse_color=PrimvarLookup(0), lambertian=True)
+    varied = replace(geometry, normals=normals, primvars=np.zeros((count, 3, 3), np.float32))
+    found = scene_bytes(upload(replace(grid(8), geometry=varied, materials=(colored,)), "cpu"))
+    assert found["normals"] == 5 * 12
+    assert found["primvars"] == 3 * 12 * count
