@@ -43,8 +43,8 @@ ALLOWED: dict[str, set[str]] = {
     },
     "compare": {"config", "methods", "errors", "metrics", "output", "progress", ""},
     "cli": {
-        "compare", "config", "methods", "errors", "inspection", "output", "progress", "rendering", "result", "scene",
-        "usd", "",
+        "compare", "config", "methods", "errors", "features", "inspection", "output", "progress", "rendering", "result",
+        "scene", "usd", "",
     },
     "__main__": {"cli"},
     "": {"config", "errors", "progress", "rendering", "result", "scene", "usd"},

@@ -14,8 +14,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
+from warpmis.device.compilation import load_kernels
 from warpmis.device.film import allocate_film
-from warpmis.device.upload import DeviceScene
+from warpmis.device.footprint import array_bytes, scene_bytes
+from warpmis.device.upload import DeviceScene, check_device
+from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
@@ -55,11 +58,31 @@ def available_cpus() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
+    stratified = config.strategy_choice == "stratified"
+    return Learner(config.how, features.strategies, size, stratified, config.device)
+
+
+def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+    """All that a run would launch, whatever the size of its picture.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    check_device(config.device)
+    return [make_trace(features), *learner_of(features, config, (1, 1)).kernels]
+
+
 class Integrator:
-    """One render in progress on one device."""
+    """One render in progress on one device; `announce` is told how many kernels have to be compiled for it first."""
 
     def __init__(
-        self, scene: DeviceScene, features: Features, config: RenderConfig, allocation: NDArray[np.float32]
+        self,
+        scene: DeviceScene,
+        features: Features,
+        config: RenderConfig,
+        allocation: NDArray[np.float32],
+        announce: Callable[[int], None] | None = None,
     ) -> None:
         self.scene = scene
         self.config = config
@@ -68,11 +91,8 @@ class Integrator:
         self.count = len(features.strategies)
         self.start_allocation = allocation
         self.kernel = make_trace(features)
-        stratified = config.strategy_choice == "stratified"
-        size = (self.width, self.height)
-        self.learner = Learner(config.how, features.strategies, size, stratified, config.device)
-        for kernel in (self.kernel, *self.learner.kernels):
-            wp.load_module(kernel.module, device=config.device)
+        self.learner = learner_of(features, config, (self.width, self.height))
+        self.compilation = load_kernels((self.kernel, *self.learner.kernels), config.device, announce)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self._allocate()
@@ -82,7 +102,7 @@ class Integrator:
         vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
         shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
         self.allocation = wp.array(shares, dtype=vec_s, device=device)
-        self.learn_film = allocate_film(self.pixels, device)
+        self.learn_film = allocate_film(self.pixels if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
 
     def trace(self, part: Round, advance: Callable[[int], None]) -> None:
@@ -175,5 +195,14 @@ class Integrator:
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""
-        films = (self.learn_film, self.film)
-        return sum(int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum()) for film in films)
+        return sum(int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum()) for film in self.films)
+
+    @property
+    def films(self) -> tuple[FilmView, ...]:
+        """The samples of the learn rounds, where there are any, and then all others."""
+        return (self.learn_film, self.film) if self.config.how.learns else (self.film,)
+
+    def bytes(self) -> dict[str, Any]:
+        """Device memory of the scene by what it is for, and of the picture: films, shares, and what learning keeps."""
+        picture = array_bytes([*self.films, self.allocation, *vars(self.learner).values()])
+        return {"scene": scene_bytes(self.scene), "picture": picture}

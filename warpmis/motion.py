@@ -72,7 +72,8 @@ def _stats(results: list[RenderResult]) -> dict[str, object]:
     """Counts and times are summed up, what is no sum is of the last time."""
     every = [result.stats for result in results]
     seconds = {name: sum(stats["seconds"][name] for stats in every) for name in every[0]["seconds"]}
-    sums = {name: sum(stats[name] for stats in every) for name in ("samples", "rejected_samples", "rays")}
+    summed = ("samples", "rejected_samples", "rays", "compile_seconds", "kernels_compiled")
+    sums = {name: sum(stats[name] for stats in every) for name in summed}
     traced = seconds["learn"] + seconds["render"]
     speed = sums["rays"] / traced if traced > 0.0 else 0.0
     return {**every[-1], **sums, "seconds": seconds, "rays_per_second": speed}

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.config import LearnConfig, RenderConfig
+from warpmis.device.compilation import Compilation, load_kernels
 from warpmis.device.film import download_film
 from warpmis.device.upload import upload
 from warpmis.errors import Interrupted
 from warpmis.features import Features, detect
-from warpmis.integrator import Integrator, allocation_of
+from warpmis.integrator import Integrator, allocation_of, kernels_of
 from warpmis.learn.schedule import schedule
 from warpmis.motion import averaged, divided, shutter_times
 from warpmis.progress import Progress
@@ -157,14 +158,33 @@ def resized(scene: Scene, width: int | None) -> Scene:
     return dataclasses.replace(scene, resolution=(width, height))
 
 
+def features_of(scene: Scene, config: RenderConfig, features: Features | None = None) -> Features:
+    """The effects to compile: those that are forced, else what scene and depth call for; and what the method needs."""
+    strategies = config.strategies if config.method != "nee" else ()
+    features = features or detect(scene).with_depth(config.max_depth)
+    return features.with_strategies(strategies, config.how.statistics)
+
+
+def compile_scene(scene: Scene, config: RenderConfig, features: Features | None = None) -> Compilation:
+    """Compile the kernels that `render` would launch for the scene, without rendering it.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    return load_kernels(kernels_of(features_of(scene, config, features), config), config.device)
+
+
 def render_scene(scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter) -> RenderResult:
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
-    strategies = config.strategies if config.method != "nee" else ()
-    features = (features or detect(scene)).with_strategies(strategies, config.how.statistics)
+    features = features_of(scene, config, features)
     device_scene = upload(scene, config.device, config.mis_compensation)
     reporter.phase("compile")
-    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
+
+    def announce(count: int) -> None:
+        reporter.phase("compile", f"{count} kernel{'s' if count > 1 else ''}, first use of these effects")
+
+    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height), announce)
     rounds = schedule(config)
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
@@ -198,8 +218,8 @@ def result_of(
 ) -> RenderResult:
     """Merge the films: every sample is in the image, the variance is the last allocation's."""
     width, height = scene.resolution
-    learned, final = (download_film(film, width, height) for film in (integrator.learn_film, integrator.film))
-    film = learned.merge(final)
+    *learned, final = (download_film(film, width, height) for film in integrator.films)
+    film = learned[0].merge(final) if learned else final
     # An interrupted last round has pixels without samples.
     spread = final if (final.count + final.rejected).min() > 1 else film
     seconds = {name: reporter.seconds.get(name, 0.0) for name in ("load", "compile", "learn", "render")}
@@ -218,6 +238,10 @@ def result_of(
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,
         "threads": integrator.threads,
+        "compile_seconds": integrator.compilation.seconds,
+        "kernels_compiled": integrator.compilation.compiled,
+        "kernels_cached": integrator.compilation.cached,
+        "bytes": integrator.bytes(),
     }
     exposure = scene.camera.exposure
     return RenderResult(

@@ -97,9 +97,9 @@ def test_predicted_variance_is_observed(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["accumulated", "auto"])
 def test_predicted_variance_is_observed_beyond_russian_roulette(method: str) -> None:
-    """What is found after it hardly answers to the shares. The prediction knows the first roulette alone and is a little
-    too high where that is sure to be survived: it is within 6 % with a confidence of 99 %. Light counted as if it
-    answered like the rest would put it off by a fifth and more."""
+    """What is found after it hardly answers to the shares. The prediction takes all of it to be found after the path's
+    last roulette: it is within 6 % with a confidence of 99 %. Light counted as if it answered like the rest would put
+    it off by a fifth and more."""
     runs = [learned_from(method, seed, max_depth=8) for seed in range(1, SEEDS + 1)]
     for share in (0.3, 0.5, 0.9):
         foretold = np.array([candidates_of(run)[:, CANDIDATES.index(share)].sum() for run in runs])

@@ -15,6 +15,7 @@ import pytest
 
 import warpmis
 from warpmis.cli import main
+from warpmis.cli.console import progress_bar
 from warpmis.config import RenderConfig
 from warpmis.errors import StageError
 from warpmis.progress import Progress
@@ -109,6 +110,15 @@ def test_usdrecord_spellings(fake: FakeRender, options: str) -> None:
 def test_fixed_allocation(fake: FakeRender) -> None:
     assert main("render box.usda --method fixed --allocation 0.2,0.8".split()) == 0
     np.testing.assert_allclose(fake.config.allocation, [0.2, 0.8])
+
+
+def test_universal_kernel_is_asked_for_by_name(fake: FakeRender) -> None:
+    from warpmis.features import Features
+
+    assert main("render box.usda --features all".split()) == 0
+    assert fake.options["features"] == Features.all()
+    with pytest.raises(SystemExit, match="2"):
+        main("render box.usda --features some".split())
 
 
 def test_round_maps_are_pictures_numbered_from_one(fake: FakeRender) -> None:
@@ -254,6 +264,15 @@ def test_progress_is_shown_on_a_terminal_alone(fake: FakeRender, monkeypatch: py
     assert "learn round 3/8" in terminal.getvalue()
     assert main(["render", "box.usda", "--quiet"]) == 0
     assert fake.options["progress"] is None
+
+
+def test_a_line_tells_of_compilation_where_there_is_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar(quiet=False) as show:
+        assert show is not None
+        for detail in ("", "2 kernels, first use of these effects"):
+            show(Progress("compile", 0, 0, 0, 0.0, detail))
+        show(Progress("learn", 50, 100, 50, 0.5, "round 3/8"))
+    assert capsys.readouterr().err == "warpmis: compiling 2 kernels, first use of these effects\n"
 
 
 # ---- as a program ---------------------------------------------------------------------------------------------------

@@ -65,9 +65,9 @@ def speed_text(samples: int, seconds: float) -> str:
 
 @contextmanager
 def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on a terminal, which begins with `label`; None, so that nothing is shown, anywhere else."""
+    """A bar on a terminal, which begins with `label`; elsewhere a line if kernels are compiled; None if quiet."""
     if quiet or not sys.stderr.isatty():
-        yield None
+        yield None if quiet else say_compilation
         return
     from rich.console import Console
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -93,3 +93,17 @@ def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress
             )
 
         yield show
+
+
+def byte_text(size: float) -> str:
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024:
+            return f"{size:.4g} {unit}"
+        size /= 1024
+    return f"{size:.4g} GiB"
+
+
+def say_compilation(progress: Progress) -> None:
+    """Why nothing is seen for some seconds."""
+    if progress.phase == "compile" and progress.detail:
+        say(f"compiling {progress.detail}")

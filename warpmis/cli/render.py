@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import warpmis
 from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.explain import explain
 from warpmis.cli.frames import frame_list
 from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
@@ -18,10 +19,12 @@ from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 
 if TYPE_CHECKING:
+    from warpmis.features import Features
     from warpmis.result import RenderResult
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
+FEATURES = ("scene", "all")
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
@@ -30,12 +33,11 @@ COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 def add_parser(commands: Any) -> None:
     """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
-    methods = "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
     parser = commands.add_parser(
         "render",
         help="render one image",
         description="Render one image.",
-        epilog=f"methods:\n{methods}",
+        epilog=methods_epilog(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -50,6 +52,10 @@ def add_parser(commands: Any) -> None:
     _add_learn_options(parser)
     _add_output_options(parser)
     parser.set_defaults(run=run)
+
+
+def methods_epilog() -> str:
+    return "methods:\n" + "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
 
 
 def add_stage_options(parser: argparse.ArgumentParser) -> Any:
@@ -83,28 +89,50 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to render")
     default = RenderConfig()
     group.add_argument("--spp", type=int, metavar="N", help=f"samples per pixel, learning included ({default.spp})")
-    group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
-    group.add_argument(
-        "--strategies", type=_names, metavar="A,B", help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})"
-    )
+    add_kernel_options(group)
     group.add_argument(
         "--allocation", type=_shares, metavar="A,B", help="for --method fixed: each strategy's share, such as 0.5,0.5"
-    )
-    group.add_argument(
-        "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
     )
     group.add_argument(
         "--mis-compensation", action="store_true", default=None, help="sample a dome by what it has above its mean"
     )
     group.add_argument(
-        "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
-    )
-    group.add_argument(
         "--shutter-samples", type=_positive, metavar="N", help="times within the shutter, for motion blur (1: none)"
     )
     group.add_argument("--seed", type=int, metavar="N", help=f"the same seed gives the same image ({default.seed})")
-    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
     group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
+
+
+def add_kernel_options(group: Any) -> None:
+    """What decides, with the stage, which kernels are compiled."""
+    default = RenderConfig()
+    group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
+    group.add_argument(
+        "--strategies", type=_names, metavar="A,B", help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})"
+    )
+    group.add_argument(
+        "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
+    )
+    group.add_argument(
+        "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
+    )
+    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
+    group.add_argument(
+        "--features", choices=FEATURES, default=FEATURES[0],
+        help="effects in the kernels: those that the scene calls for, or all, which is slower and for comparison alone",
+    )  # fmt: skip
+
+
+def kernel_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What `add_kernel_options` asked for, but the features, as RenderConfig names it."""
+    names = ("method", "strategies", "strategy_choice", "max_depth", "device")
+    return given(**{name: getattr(arguments, name) for name in names})
+
+
+def forced_features(arguments: argparse.Namespace) -> Features | None:
+    from warpmis.features import Features
+
+    return Features.all() if arguments.features == "all" else None
 
 
 def _add_learn_options(parser: argparse.ArgumentParser) -> None:
@@ -127,6 +155,11 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
+    group.add_argument(
+        "--explain",
+        action="store_true",
+        help="say which effects the kernels hold, and what time and memory the render took",
+    )
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
 
@@ -185,16 +218,12 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
         **given(
             width=arguments.image_width,
             spp=arguments.spp,
-            method=arguments.method,
-            strategies=arguments.strategies,
             allocation=arguments.allocation,
-            strategy_choice=arguments.strategy_choice,
             mis_compensation=arguments.mis_compensation,
-            max_depth=arguments.max_depth,
             seed=arguments.seed,
-            device=arguments.device,
             threads=arguments.threads,
         ),
+        **kernel_options(arguments),
     )
 
 
@@ -237,8 +266,11 @@ def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
         options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
-        result = warpmis.render(arguments.stage, config=config, progress=show, **options)
+        features = given(features=forced_features(arguments))
+        result = warpmis.render(arguments.stage, config=config, progress=show, **options, **features)
     report = _finish(result, job, arguments, said)
+    if arguments.explain:
+        explain(result, arguments.stage, options)
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
     return report

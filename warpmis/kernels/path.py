@@ -45,6 +45,8 @@ def make_path(features: Features) -> SimpleNamespace:
     has_events = features.smooth or features.opacity
     has_mixture = strategies.count > 0
     paired = "pair" in features.statistics
+    # Of paths that end behind the mixture's vertex none comes to a vertex without one.
+    has_next_event = features.indirect or paired or not has_mixture
 
     @wp.struct
     class PathSample:
@@ -270,9 +272,8 @@ def make_path(features: Features) -> SimpleNamespace:
 
             frame = intersect.shading_frame(scene, hit, wi)
             wo = to_local(frame, -wi)
-            u_event = rng.uniform4_of_step(key, step, rng.EVENT)
             if wp.static(has_events):
-                event = events.choose(material, wo[2], u_event[0])
+                event = events.choose(material, wo[2], rng.uniform4_of_step(key, step, rng.EVENT)[0])
                 beta = wp.cw_mul(beta, event.weight)
                 if event.kind == PASS:
                     start = hit.p - hit.ng * hit.offset
@@ -329,16 +330,17 @@ def make_path(features: Features) -> SimpleNamespace:
                     # Until the direction's densities are known the path is of the strategy that drew it alone.
                     path.q = strategies.drawn_by(strategy, allocation)
                     wi = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
-            if arrival >= WEIGHTED:
-                from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
-                L += wp.cw_mul(beta, from_light.radiance)
-                path.shadow_rays += from_light.rays
-                if wp.static(paired):
-                    if arrival == PAIRED:
-                        path.light = L
-                        path.light_share = from_light.share
-                        path.light_rays = from_light.rays
-                wi = to_world(frame, surface.sample(s, u_scatter))
+            if wp.static(has_next_event):
+                if arrival >= WEIGHTED:
+                    from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
+                    L += wp.cw_mul(beta, from_light.radiance)
+                    path.shadow_rays += from_light.rays
+                    if wp.static(paired):
+                        if arrival == PAIRED:
+                            path.light = L
+                            path.light_share = from_light.share
+                            path.light_rays = from_light.rays
+                    wi = to_world(frame, surface.sample(s, u_scatter))
 
             if wp.dot(wi, hit.ng) <= 0.0:
                 break
@@ -356,18 +358,19 @@ def make_path(features: Features) -> SimpleNamespace:
                 break
             if arrival >= WEIGHTED:
                 beta = beta / pdf_bsdf
-                if bounces >= roulette.DEPTH:
-                    throughput = wp.max(beta)
-                    if path.early_rays == 0:
-                        path.early_rays = path.rays
-                        path.early_shadow_rays = path.shadow_rays
-                        early = L
-                    path.throughput = throughput * survived
-                    survival = roulette.survival(throughput)
-                    if u_event[2] >= survival:
-                        break
-                    beta = beta / survival
-                    survived = survived * survival
+                if wp.static(features.indirect):
+                    if bounces >= roulette.DEPTH:
+                        throughput = wp.max(beta)
+                        if path.early_rays == 0:
+                            path.early_rays = path.rays
+                            path.early_shadow_rays = path.shadow_rays
+                            early = L
+                        path.throughput = throughput * survived
+                        survival = roulette.survival(throughput)
+                        if rng.uniform4_of_step(key, step, rng.EVENT)[2] >= survival:
+                            break
+                        beta = beta / survival
+                        survived = survived * survival
         if mixed < 0:
             path.seen = L
         else:

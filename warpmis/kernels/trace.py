@@ -20,7 +20,8 @@ LEARN_DIRECT = wp.constant(2)
 
 # On a CPU the minima and maxima of the tree's traversal are an instruction each, instead of several, where NaN need not
 # be kept: a fifth of the whole time. What does become NaN is told by its bits, which the compiler leaves alone.
-CPU_FLAGS = f"{wp.config.cpu_compiler_flags} -menable-no-nans"
+# The compiler's warnings (-w: none) are about Warp's own source, and would be all that a user sees of a first render.
+CPU_FLAGS = f"{wp.config.cpu_compiler_flags} -menable-no-nans -w"
 
 
 @wp.func
