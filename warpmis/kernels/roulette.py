@@ -1,9 +1,9 @@
 """Russian roulette: how likely a path is to go on, and what becomes of its light at other densities of its direction.
 
 From DEPTH bounces on, a path goes on with the probability of its throughput, MAX_SURVIVAL at most, and is divided by
-it. Let T be f / p of all its directions, without these divisions: after several roulettes it is alive with a probability of
-about s(T) = min(T, 1). With another density of its direction, p' = ratio p, it would have T / ratio and be alive with
-another probability. Of what it then finds, F_l, the second moment becomes
+it. Let T be f / p of all its directions, without these divisions: after several roulettes it is alive with a
+probability of about s(T) = min(T, 1). With another density of its direction, p' = ratio p, it would have T / ratio and
+be alive with another probability. Of what it then finds, F_l, the second moment becomes
 
     E'[F_l'^2] = E[F_l^2 s(T) / s(T / ratio) / ratio] = E[F_l^2 s(T) / min(T, ratio)]
 
