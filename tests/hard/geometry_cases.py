@@ -128,7 +128,7 @@ GEOMETRY_CASES = [
     HardCase(
         "empty-meshes",
         trouble="a tree of nothing",
-        remedy="nothing is placed; a scene of lights alone has one triangle far away (device/upload.py: ordered)",
+        remedy="faces without points are refused with a warning; lights alone get a triangle far away (device/upload.py)",
         build=lit(mesh("Empty", [], []), mesh("Points", SQUARE, []), mesh("Faces", [], [(0, 1, 2)])),
         mean=grey(0.0),
         learns=False,
@@ -179,4 +179,3 @@ GEOMETRY_CASES = [
         mean=scattered(1.0),
     ),
 ]
-

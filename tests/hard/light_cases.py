@@ -285,7 +285,8 @@ LIGHT_CASES = [
     HardCase(
         "cylinder-light-1e-6-thin",
         trouble="sampled by area the density is infinite at the silhouette, and half of the samples are of its back",
-        remedy="azimuth and sine of elevation of the visible part (kernels/light/cylinder.py; Zimmerman 1995); " + DRAWN,
+        remedy="azimuth and sine of elevation of the visible part (kernels/light/cylinder.py; Zimmerman 1995); "
+        + DRAWN,
         build=lit(light("CylinderLight", radius=1e-6, length=2.0, intensity=1e6)),
         mean=scattered(2.0 * line_irradiance(1.0, 1.0)),
         settings={"spp": 256},
@@ -316,11 +317,12 @@ LIGHT_CASES = [
         trouble="1 / d^2 of a distance of 0",
         remedy="the falloff is bounded, and the cosine is 0 there (kernels/path.py: delta_light)",
         build=lit(
-            light("SphereLight", at=(0.3, 0, 0), radius=0.0, intensity=5.0, normalize=True, more="bool treatAsPoint = 1"),
+            light(
+                "SphereLight", at=(0.3, 0, 0), radius=0.0, intensity=5.0, normalize=True, more="bool treatAsPoint = 1"
+            ),
             light("DistantLight", "Sun", rotate=DOWN, angle=0.0, intensity=1.0, normalize=True),
         ),
         mean=scattered(1.0),
         learns=False,
     ),
 ]
-

@@ -10,7 +10,15 @@ LIGHTS = [
     dict(kind="RectLight", name="Panel", at=(-0.4, 0.9, 0.1), rotate=(-90, 20, 0), width=0.4, height=0.3, strength=3.0),
     dict(kind="DiskLight", name="Spot", at=(0.5, 0.8, -0.3), rotate=(-70, 0, 10), radius=0.15, strength=1.0),
     dict(kind="SphereLight", name="Bulb", at=(0.3, 0.2, 0.5), radius=0.05, strength=0.5),
-    dict(kind="CylinderLight", name="Tube", at=(-0.2, 0.7, -0.6), rotate=(0, 30, 0), radius=0.02, length=0.7, strength=1.0),
+    dict(
+        kind="CylinderLight",
+        name="Tube",
+        at=(-0.2, 0.7, -0.6),
+        rotate=(0, 30, 0),
+        radius=0.02,
+        length=0.7,
+        strength=1.0,
+    ),
 ]
 
 
@@ -28,7 +36,11 @@ def lamps(size: float, order: Any) -> str:
 
 
 def room(
-    size: float = 1.0, at: Any = (0.0, 0.0, 0.0), mirror: float = 1.0, order: Any = (0, 1, 2, 3), faces_reversed: bool = False
+    size: float = 1.0,
+    at: Any = (0.0, 0.0, 0.0),
+    mirror: float = 1.0,
+    order: Any = (0, 1, 2, 3),
+    faces_reversed: bool = False,
 ) -> Any:
     """Walls, a block, two cards that cross, and the lamps.
 
@@ -54,12 +66,15 @@ def Camera "Camera" {{
     parts = [
         box(size, color=0.5),
         mesh("Cards", [[value * size for value in point] for point in cards], [(0, 1, 2, 3), (4, 5, 6, 7)], 0.7),
-        mesh("Block", [[value * size for value in point] for point in corners], block[:: -1 if faces_reversed else 1], 0.3),
+        mesh(
+            "Block",
+            [[value * size for value in point] for point in corners],
+            block[:: -1 if faces_reversed else 1],
+            0.3,
+        ),
         lamps(size, order),
         camera,
     ]
     move = f"double3 xformOp:translate = {vector(at)}\n    double3 xformOp:scale = ({number(mirror)}, 1, 1)"
     order_text = XFORM.replace("xformOp:rotateXYZ", "xformOp:scale")
     return stage(f'def Xform "All" {{\n    {move}\n    {order_text}\n' + "".join(parts) + "}\n")
-
-
