@@ -128,7 +128,7 @@ GEOMETRY_CASES = [
     HardCase(
         "empty-meshes",
         trouble="a tree of nothing",
-        remedy="faces without points are refused with a warning; lights alone get a triangle far away (device/upload.py)",
+        remedy="faces without points are refused with a warning; a tree of nothing gets a triangle far away",
         build=lit(mesh("Empty", [], []), mesh("Points", SQUARE, []), mesh("Faces", [], [(0, 1, 2)])),
         mean=grey(0.0),
         learns=False,

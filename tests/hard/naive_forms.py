@@ -53,7 +53,8 @@ def sines(middle: float = 1.0, half_length: float = 1e-6, rho: float = 1.0) -> E
     """Difference of the sines of elevation of a short cylinder's ends."""
 
     def ends(t: type) -> list[NDArray[np.float64]]:
-        return [t(z) / np.sqrt(t(rho) ** 2 + t(z) ** 2) for z in (t(middle) - t(half_length), t(middle) + t(half_length))]
+        heights = (t(middle) - t(half_length), t(middle) + t(half_length))
+        return [t(z) / np.sqrt(t(rho) ** 2 + t(z) ** 2) for z in heights]
 
     exact = np.subtract(*ends(np.float64)[::-1])
     low, high = ends(F)

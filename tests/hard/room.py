@@ -6,19 +6,18 @@ from typing import Any
 
 from hard.parts import XFORM, box, light, mesh, number, placed, stage, vector
 
-LIGHTS = [
-    dict(kind="RectLight", name="Panel", at=(-0.4, 0.9, 0.1), rotate=(-90, 20, 0), width=0.4, height=0.3, strength=3.0),
-    dict(kind="DiskLight", name="Spot", at=(0.5, 0.8, -0.3), rotate=(-70, 0, 10), radius=0.15, strength=1.0),
-    dict(kind="SphereLight", name="Bulb", at=(0.3, 0.2, 0.5), radius=0.05, strength=0.5),
-    dict(
-        kind="CylinderLight",
-        name="Tube",
-        at=(-0.2, 0.7, -0.6),
-        rotate=(0, 30, 0),
-        radius=0.02,
-        length=0.7,
-        strength=1.0,
-    ),
+LAMPS: list[dict[str, Any]] = [
+    {"kind": "RectLight", "at": (-0.4, 0.9, 0.1), "rotate": (-90, 20, 0), "width": 0.4, "height": 0.3, "strength": 3.0},
+    {"kind": "DiskLight", "at": (0.5, 0.8, -0.3), "rotate": (-70, 0, 10), "radius": 0.15, "strength": 1.0},
+    {"kind": "SphereLight", "at": (0.3, 0.2, 0.5), "rotate": (0, 0, 0), "radius": 0.05, "strength": 0.5},
+    {
+        "kind": "CylinderLight",
+        "at": (-0.2, 0.7, -0.6),
+        "rotate": (0, 30, 0),
+        "radius": 0.02,
+        "length": 0.7,
+        "strength": 1.0,
+    },
 ]
 
 
@@ -26,12 +25,11 @@ def lamps(size: float, order: Any) -> str:
     """Normalised, and so much stronger as the room is larger that it is as bright."""
     text = ""
     for k in order:
-        given = dict(LIGHTS[k])
-        kind, name, at, strength = (given.pop(key) for key in ("kind", "name", "at", "strength"))
-        rotate = given.pop("rotate", (0, 0, 0))
-        scaled = {key: value * size for key, value in given.items()}
-        place = [value * size for value in at]
-        text += light(kind, name, at=place, rotate=rotate, intensity=strength * size**2, normalize=True, **scaled)
+        lamp = LAMPS[k]
+        sizes = {key: lamp[key] * size for key in ("width", "height", "radius", "length") if key in lamp}
+        place = [value * size for value in lamp["at"]]
+        strength = lamp["strength"] * size**2
+        text += light(lamp["kind"], f"Lamp{k}", place, lamp["rotate"], intensity=strength, normalize=True, **sizes)
     return text
 
 

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-
 from hard.closed_meshes import ALONG_AXES, ANYWHERE, AT_EDGES, AT_VERTICES, MESHES, cube, leaks, uploaded
 
 from warpmis.device.mesh import padded_boxes
