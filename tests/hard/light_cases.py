@@ -25,15 +25,25 @@ ROUNDED = "a direction has 24 digits: of those drawn towards a light 1e-6 of its
 DRAWN = "the path remembers light, distance and density of the draw (Receiver.drawn)"
 
 
+COS_ASIDE = 0.8
+
+
 def lit(*parts: str) -> Callable[[], Any]:
     return lambda: stage(floor(), camera(), *parts)
 
 
+# At the distance 1, and in no axis' direction: one along an axis has small components, which rounding leaves alone.
+ASIDE = (0.36, COS_ASIDE, 0.48)
+
+
 def sphere_case(name: str, radius: float, **text: str) -> HardCase:
-    """A sphere whose nearest point is 1 above the floor where it is larger than that, else its centre: normalised, so
-    E = pi L (r / d)^2 with L = 4 / (4 pi r^2)."""
-    distance = radius + 1.0 if radius > 0.5 else 1.0
-    lamp = light("SphereLight", at=(0, distance, 0), radius=radius, intensity=4.0 * distance**2, normalize=True)
+    """A sphere aside, or overhead with its nearest point 1 above the floor where it is large: normalised, so that
+    E = pi L (r / d)^2 cos(theta) with L = intensity / (4 pi r^2)."""
+    overhead = radius > 0.5
+    distance = radius + 1.0 if overhead else 1.0
+    intensity = 4.0 * distance**2 / (1.0 if overhead else COS_ASIDE)
+    at = (0, distance, 0) if overhead else ASIDE
+    lamp = light("SphereLight", at=at, radius=radius, intensity=intensity, normalize=True)
     return HardCase(name, build=lit(lamp), mean=scattered(1.0), **text)
 
 
@@ -154,15 +164,15 @@ LIGHT_CASES = [
         "rect-light-1e-6-of-its-distance",
         trouble="the determinant of the half edges, a fourth power of their length, underflows with the scene's scale",
         remedy="dual vectors made in float64 (device/lights.py: flat_record); " + DRAWN,
-        build=lit(light("RectLight", rotate=DOWN, width=1e-6, height=1e-6, intensity=1.0, normalize=True)),
-        mean=scattered(1.0),
+        build=lit(light("RectLight", at=ASIDE, rotate=DOWN, width=1e-6, height=1e-6, intensity=1.0, normalize=True)),
+        mean=scattered(COS_ASIDE**2),
     ),
     HardCase(
         "disk-light-1e-6-of-its-distance",
         trouble=ROUNDED,
         remedy=DRAWN,
-        build=lit(light("DiskLight", rotate=DOWN, radius=1e-6, intensity=1.0, normalize=True)),
-        mean=scattered(1.0),
+        build=lit(light("DiskLight", at=ASIDE, rotate=DOWN, radius=1e-6, intensity=1.0, normalize=True)),
+        mean=scattered(COS_ASIDE**2),
     ),
     HardCase(
         "rect-light-1e6-times-the-scene",
@@ -287,23 +297,23 @@ LIGHT_CASES = [
         trouble="sampled by area the density is infinite at the silhouette, and half of the samples are of its back",
         remedy="azimuth and sine of elevation of the visible part (kernels/light/cylinder.py; Zimmerman 1995); "
         + DRAWN,
-        build=lit(light("CylinderLight", radius=1e-6, length=2.0, intensity=1e6)),
-        mean=scattered(2.0 * line_irradiance(1.0, 1.0)),
+        build=lit(light("CylinderLight", at=(0, 0.8, 0.6), radius=1e-6, length=2.0, intensity=1e6)),
+        mean=scattered(2.0 * COS_ASIDE * line_irradiance(1.0, 1.0)),
         settings={"spp": 256},
     ),
     HardCase(
         "cylinder-light-small",
         trouble="the ends' sines of elevation are equal to 24 digits",
         remedy="their difference as a quotient of squares (kernels/light/cylinder.py: sine_span)",
-        build=lit(light("CylinderLight", radius=1e-6, length=1e-6, intensity=1e12)),
-        mean=scattered(2.0),
+        build=lit(light("CylinderLight", at=(0, 0.8, 0.6), radius=1e-6, length=1e-6, intensity=1e12)),
+        mean=scattered(2.0 * COS_ASIDE),
     ),
     HardCase(
         "distant-light-1e-5-degrees-wide",
         trouble=ROUNDED,
         remedy="1 - cos from the half angle's sine; " + DRAWN,
-        build=lit(light("DistantLight", rotate=DOWN, angle=1e-5, intensity=3.0, normalize=True)),
-        mean=scattered(3.0),
+        build=lit(light("DistantLight", rotate=(-60, 25, 0), angle=1e-5, intensity=3.0, normalize=True)),
+        mean=scattered(3.0 * math.sin(math.radians(60.0))),
     ),
     HardCase(
         "distant-light-all-around",
