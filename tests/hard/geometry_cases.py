@@ -10,12 +10,13 @@ import numpy as np
 from hard.case import HardCase
 from hard.parts import camera, floor, grey, light, mesh, placed, scattered, stage
 
+VIEW = camera()
 LAMP = light("SphereLight", radius=0.1, intensity=4.0, normalize=True)
 SQUARE = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
 
 
-def lit(*parts: str, lamp: str = LAMP) -> Callable[[], Any]:
-    return lambda: stage(camera(), lamp, *parts)
+def lit(*parts: str) -> Callable[[], Any]:
+    return lambda: stage(VIEW, LAMP, *parts)
 
 
 def within(transform: str, *parts: str) -> Callable[[], Any]:
@@ -24,14 +25,14 @@ def within(transform: str, *parts: str) -> Callable[[], Any]:
 
 
 def moved(by: float) -> Callable[[], Any]:
-    return within(placed((by, -2.0 * by, by / 3.0)), floor(), camera(), LAMP)
+    return within(placed((by, -2.0 * by, by / 3.0)), floor(), VIEW, LAMP)
 
 
-def scaled(by: float, *parts: str) -> Callable[[], Any]:
+def scaled(by: float, *parts: str, view: str = VIEW) -> Callable[[], Any]:
     """The lamp's intensity grows as its distance squared."""
     lamp = light("SphereLight", radius=0.1, intensity=4.0 * by**2, normalize=True)
     transform = f'double3 xformOp:scale = ({by!r}, {by!r}, {by!r})\nuniform token[] xformOpOrder = ["xformOp:scale"]'
-    return within(transform, *(parts or (floor(),)), camera(), lamp)
+    return within(transform, *(parts or (floor(),)), view, lamp)
 
 
 def transformed(rows: Any, *parts: str, name: str = "Turned") -> str:
@@ -58,8 +59,8 @@ def fan(count: int = 10_000) -> str:
     return mesh("Fan", points, [(0, 1 + k, 1 + (k + 1) % count) for k in range(count)])
 
 
-def patchwork(side: int = 128, cell: float = 1e-5) -> str:
-    """A floor little larger than the camera sees, of cells so small that, scaled by 1e-6, edges are 1e-11 long."""
+def patchwork(side: int = 128, cell: float = 1e-6) -> str:
+    """A floor little larger than the camera sees, of cells so small that, scaled by 1e-6, edges are 1e-12 long."""
     steps = (np.arange(side + 1) - side / 2) * cell
     points = [(x, 0.0, z) for z in steps for x in steps]
     row = side + 1
@@ -173,9 +174,9 @@ GEOMETRY_CASES = [
     ),
     HardCase(
         "scene-scaled-by-1e-6-of-fine-triangles",
-        trouble="the cross product of edges 1e-11 long, squared, underflows: no normal, a black surface",
+        trouble="the cross product of edges 1e-12 long, squared, underflows: no normal, a black surface",
         remedy="edges are made about 1 long first (kernels/frame.py: normal_of_edges)",
-        build=scaled(1e-6, patchwork(), floor(1e-4, -1e-3, "Below", 0.0)),
+        build=scaled(1e-6, patchwork(), floor(1e-4, -1e-3, "Below", 0.0), view=camera(half_width=2e-5)),
         mean=scattered(1.0),
     ),
 ]

@@ -44,7 +44,7 @@ def sphere_case(name: str, radius: float, **text: str) -> HardCase:
     intensity = 4.0 * distance**2 / (1.0 if overhead else COS_ASIDE)
     at = (0, distance, 0) if overhead else ASIDE
     lamp = light("SphereLight", at=at, radius=radius, intensity=intensity, normalize=True)
-    return HardCase(name, build=lit(lamp), mean=scattered(1.0), **text)
+    return HardCase(name, build=lit(lamp), mean=scattered(1.0), settings={"spp": 256}, **text)
 
 
 def corner_factor(height: float, width: float, away: float) -> float:
