@@ -16,7 +16,14 @@ from warpmis.features import Features
 from warpmis.result import RenderResult
 
 # One kernel a method for all cases, and for the room.
-SHAPES = Features(rect_light=True, disk_light=True, sphere_light=True, cylinder_light=True, shading_normals=True)
+SHAPES = Features(
+    rect_light=True,
+    disk_light=True,
+    sphere_light=True,
+    cylinder_light=True,
+    dome_constant=True,
+    shading_normals=True,
+)
 CASES = {case.name: case for case in GEOMETRY_CASES}
 
 
