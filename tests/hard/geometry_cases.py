@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 from hard.case import HardCase
+from hard.closed_meshes import cube
 from hard.parts import camera, floor, grey, light, mesh, placed, scattered, stage
 
 VIEW = camera()
+# At no angle to the axes at which both roundings are alike.
+AT_EDGE = camera((0, 0.37, 0.61), -math.degrees(math.atan2(0.37, 0.61)), 1e-6)
 LAMP = light("SphereLight", radius=0.1, intensity=4.0, normalize=True)
 SQUARE = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
 
@@ -46,9 +49,8 @@ def transformed(rows: Any, *parts: str, name: str = "Turned") -> str:
 
 def edge_seen_from_inside() -> str:
     """A closed white box of which the camera, within it, sees a piece of an edge alone."""
-    points = [(x, y, z) for x in (-1, 1) for y in (0, 2) for z in (0, 2)]
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return mesh("Box", points, faces, 1.0)
+    points, triangles = cube(8)
+    return mesh("Box", np.add(points, (0.0, 1.0, 1.0)), triangles, 1.0)
 
 
 def needles(count: int = 2000, width: float = 1e-7) -> str:
@@ -123,7 +125,7 @@ GEOMETRY_CASES = [
         "dark-box-under-a-bright-sky",
         trouble="one in a hundred of the rays at a closed box's edges gets out, and brings in the sky",
         remedy="boxes grown by rounding (device/mesh.py; Ize 2013); points on an edge keep off the neighbour's plane",
-        build=lambda: stage(VIEW, edge_seen_from_inside(), light("DomeLight", "Sky", intensity=1e9)),
+        build=lambda: stage(AT_EDGE, edge_seen_from_inside(), light("DomeLight", "Sky", intensity=1e9)),
         mean=grey(0.0),
         settings={"max_depth": 8},
         learns=False,
