@@ -58,8 +58,10 @@ class Film:
         return self._mean(self.color, self.count)
 
     def variance(self) -> NDArray[np.float32]:
-        """Unbiased variance of one sample's luminance, shape (H, W); 0 where there are fewer than two samples."""
-        return (self.luminance_m2 / np.maximum(self.count - 1, 1)).astype(np.float32)
+        """Unbiased variance of one sample's luminance, shape (H, W), at most float32's largest number; 0 where there
+        are fewer than two samples."""
+        variance = self.luminance_m2 / np.maximum(self.count - 1, 1)
+        return np.minimum(variance, np.finfo(np.float32).max).astype(np.float32)
 
     def mean_albedo(self) -> NDArray[np.float32]:
         """Over all samples, those that hit nothing counting as black, shape (H, W, 3)."""
