@@ -227,7 +227,7 @@ def result_of(
         normal=film.mean_normal(),
         depth=film.mean_depth(),
         samples=film.count,
-        variance=spread.variance() * np.float32(exposure**2),
+        variance=spread.variance(exposure),
         allocation=integrator.allocation_map(),
         round_allocations=tuple(maps),
         strategies=config.strategies,
