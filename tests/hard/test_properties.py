@@ -222,8 +222,8 @@ def test_bisection_inverts_a_cumulative_distribution(weights: FloatArray, number
 
 
 def film_of(values: FloatArray, rejected: int = 0) -> Film:
-    """A 1 x 1 film of grey samples; every other one hits a surface at depth 2."""
-    n, hits = len(values), len(values) // 2
+    """A 1 x 1 film of grey samples that all hit a surface at depth 2."""
+    n = len(values)
     one = np.ones((1, 1))
     mean = values.mean() if n else 0.0
     sums: dict[str, Any] = {"luminance_mean": one * mean, "luminance_m2": one * ((values - mean) ** 2).sum()}
@@ -231,10 +231,10 @@ def film_of(values: FloatArray, rejected: int = 0) -> Film:
     return Film(
         count=np.array([[n]]),
         rejected=np.array([[rejected]]),
-        hits=np.array([[hits]]),
-        normal=np.full((1, 1, 3), float(hits)),
-        depth=2.0 * hits * one,
-        alpha=hits * one,
+        hits=np.array([[n]]),
+        normal=np.full((1, 1, 3), float(n)),
+        depth=2.0 * n * one,
+        alpha=n * one,
         **sums,
     )
 
