@@ -7,12 +7,13 @@ the closed form, at 1 % for the file after Sidak. All cases share one set of eff
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, reduce
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from hard.case import HardCase
+from hard.every import effects_of
 from hard.learning_cases import LEARNING_CASES, PIXELS, REFUSED_MAPS, lit_floor
 from stats import detectable_bias, sidak, standard_error, z_test
 from usd.stages import stage_of
@@ -20,7 +21,7 @@ from usd.stages import stage_of
 import warpmis
 from warpmis.config import DEFAULT_STRATEGIES
 from warpmis.errors import ConfigError
-from warpmis.features import Features, detect
+from warpmis.features import Features
 
 CASES = {case.name: case for case in LEARNING_CASES}
 
@@ -49,9 +50,7 @@ def scene_of(name: str) -> warpmis.Scene:
 
 @cache
 def effects() -> Features:
-    """All that any of the cases calls for."""
-    every = [detect(scene_of(name)) for name in CASES]
-    return reduce(lambda a, b: Features(**{k: v or vars(b)[k] for k, v in vars(a).items()}), every)
+    return effects_of(map(scene_of, CASES))
 
 
 @cache
