@@ -138,12 +138,13 @@ def bounds_of_geometry(scene: Scene) -> tuple[list[float], list[float]] | None:
     if not len(scene.geometry.triangles):
         return None
     points = scene.geometry.points[np.unique(scene.geometry.triangles)].astype(np.float64)
-    return points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return (points.min(axis=0) + scene.origin).tolist(), (points.max(axis=0) + scene.origin).tolist()
 
 
 def camera_report(scene: Scene) -> dict[str, Any]:
     """The camera's fields as plain values."""
-    values = {field.name: getattr(scene.camera, field.name) for field in dataclasses.fields(scene.camera)}
+    camera = replace(scene.camera, position=scene.camera.position + scene.origin)
+    values = {field.name: getattr(camera, field.name) for field in dataclasses.fields(camera)}
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 

@@ -12,6 +12,7 @@ from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
+from warpmis.device.mesh import padded_boxes, watertight_mesh
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.views import (
     DISTANT,
@@ -27,9 +28,6 @@ from warpmis.device.views import (
 )
 from warpmis.errors import ConfigError
 from warpmis.scene import Camera, Geometry, Scene
-
-# Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
-LEAF_SIZE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +90,9 @@ def ordered(geometry: Geometry) -> Geometry:
 
 
 def upload_mesh(view: SceneView, geometry: Geometry) -> wp.Mesh:
-    points = wp.array(geometry.points, dtype=wp.vec3)
-    mesh = wp.Mesh(points, wp.array(geometry.triangles.ravel(), dtype=wp.int32), bvh_leaf_size=LEAF_SIZE)
+    mesh = watertight_mesh(geometry.points, geometry.triangles)
     view.mesh = mesh.id
-    view.points = points
+    view.points = mesh.points
     view.indices = wp.array(geometry.triangles, dtype=wp.vec3i)
     view.normals = wp.array(geometry.normals, dtype=wp.vec3)
     return mesh
@@ -135,8 +132,8 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
         return (controls,)
     view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
     view.emitter_cdf = wp.array(tables.emitter_cdf, dtype=float)
-    corners = geometry.points[geometry.triangles[tables.emitter_triangles]]
-    tree = wp.Bvh(wp.array(corners.min(axis=1), dtype=wp.vec3), wp.array(corners.max(axis=1), dtype=wp.vec3))
+    low, high = padded_boxes(geometry.points, geometry.triangles[tables.emitter_triangles])
+    tree = wp.Bvh(wp.array(low, dtype=wp.vec3), wp.array(high, dtype=wp.vec3))
     view.emitter_bvh = tree.id
     return tree, controls
 

@@ -7,7 +7,7 @@ import warp as wp
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.features import Features
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
-from warpmis.kernels.frame import Frame, frame_from_normal, luminance, max_abs, to_local
+from warpmis.kernels.frame import Frame, frame_from_normal, luminance, max_abs, normal_of_edges, to_local
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.material import make_material
 
@@ -61,7 +61,7 @@ def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
     hit.u = query.u
     hit.v = query.v
     hit.offset = OFFSET * wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
-    ng = wp.normalize(wp.cross(p1 - p0, p2 - p0))
+    ng = normal_of_edges(p1 - p0, p2 - p0)
     hit.outside = 1
     if wp.dot(ng, wi) > 0.0:
         ng = -ng

@@ -323,7 +323,11 @@ def make_path(features: Features) -> SimpleNamespace:
                     strategy = strategies.choose(allocation, u_strategy)
                     # Until the direction's densities are known the path is of the strategy that drew it alone.
                     path.q = strategies.drawn_by(strategy, allocation)
-                    wi = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
+                    drawn = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
+                    wi = drawn.wi
+                    r.drawn = drawn.light
+                    r.drawn_distance = drawn.distance
+                    r.drawn_pdf = drawn.pdf_of_light
             if arrival >= WEIGHTED:
                 from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
                 L += wp.cw_mul(beta, from_light.radiance)

@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
-from warpmis.usd.camera import read_camera
+from warpmis.usd.camera import light_boxes, read_camera
 from warpmis.usd.curves import read_curves
 from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
 from warpmis.usd.instances import Placement, placements
@@ -24,6 +24,7 @@ from warpmis.usd.material import MaterialReader
 from warpmis.usd.mesh import read_mesh
 from warpmis.usd.mesh_light import read_mesh_light
 from warpmis.usd.opening import open_stage
+from warpmis.usd.origin import Bounds, moved, placed_box, scene_origin
 from warpmis.usd.points import read_points
 from warpmis.usd.primitives import is_primitive, read_primitive
 from warpmis.usd.reading import (
@@ -109,12 +110,10 @@ def load_stage(
 
 
 def _read_scene(reading: Reading, settings: Settings, camera: str | None, width: int | None) -> Scene:
-    contents = StageContents(reading, settings.material_purposes)
-    for placement in placements(reading):
-        try:
-            contents.add(placement)
-        except PxrError as error:
-            reading.warn(placement.prim.GetPath(), f"left out: {one_line(error)}")
+    contents = _read_contents(reading, settings, np.zeros(3))
+    origin = scene_origin([*contents.boxes, *light_boxes(contents.lights)])
+    if origin.any():
+        contents = _read_contents(reading, settings, origin)
     geometry = contents.geometry.build()
     materials = tuple(contents.materials.materials)
     name = Path(reading.stage.GetRootLayer().GetDisplayName()).name
@@ -126,7 +125,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
-    found, resolution = read_camera(reading, settings, camera, width, geometry, contents.lights)
+    found, resolution = read_camera(reading, settings, camera, width, geometry, contents.lights, origin)
     return Scene(
         name=name,
         camera=found,
@@ -135,9 +134,20 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
         materials=materials,
         prims=linked_prims(contents.geometry.prims, reading),
         lights=linked_lights(contents.lights, contents.geometry.prims, reading),
+        origin=origin,
         time=float(reading.time.GetValue()),
         notes=tuple(reading.notes),
     )
+
+
+def _read_contents(reading: Reading, settings: Settings, origin: NDArray[np.float64]) -> StageContents:
+    contents = StageContents(reading, settings.material_purposes, origin)
+    for placement in placements(reading):
+        try:
+            contents.add(placement)
+        except PxrError as error:
+            reading.warn(placement.prim.GetPath(), f"left out: {one_line(error)}")
+    return contents
 
 
 @dataclass(eq=False)
@@ -145,23 +155,28 @@ class StageContents:
     """What has been read of a stage so far.
 
     Attributes:
+        origin: of the scene's coordinates, in the stage's world, shape (3,).
         surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
         material_purposes: of bindings, as Settings.material_purposes.
         light_prims: number of light prims of a supported type, those included that turned out to emit nothing.
+        boxes: of all instances of each gprim.
     """
 
     reading: Reading
     material_purposes: tuple[str, ...]
+    origin: NDArray[np.float64]
     geometry: GeometryBuilder = field(default_factory=GeometryBuilder)
     lights: list[Light] = field(default_factory=list)
     surfaces: dict[Any, Surface | None] = field(default_factory=dict)
     light_prims: int = 0
+    boxes: list[Bounds] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.materials = MaterialReader(self.reading, self.material_purposes)
 
     def add(self, placement: Placement) -> None:
         """Reads one prim, whatever it is, at all its places."""
+        placement = replace(placement, matrices=moved(placement.matrices, self.origin))
         prim = placement.prim
         if prim.IsA(UsdGeom.Gprim):
             self._add_gprim(placement)
@@ -193,6 +208,7 @@ class StageContents:
         return self.surfaces[source]
 
     def _place(self, prim: Prim, surface: Surface, shading: Shading, matrices: NDArray[np.float64]) -> None:
+        self.boxes.append(placed_box(surface, matrices))
         left_out = self.geometry.add(prim, surface, shading, matrices)
         if left_out:
             which = f"{left_out} of its instances are" if len(matrices) > 1 else "it is"
