@@ -36,6 +36,7 @@ from warpmis.metrics import squared_error, squared_scale
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from hard.case import HardCase  # noqa: E402
+from hard.checks import scene_of  # noqa: E402
 from hard.every import cases, effects_of  # noqa: E402
 
 BASELINE = "balance"
@@ -114,7 +115,7 @@ def verdicts(name: str, render: Render, methods: tuple[str, ...], most_seeds: in
 
 
 def renderer(case: HardCase, scene: warpmis.Scene, effects: Features, budget: int) -> Render:
-    settings = {**case.settings, "spp": budget}
+    settings = {"max_depth": 2, **case.settings, "spp": budget}
 
     def render(method: str, seed: int) -> NDArray[np.float32]:
         return warpmis.render(scene, method=method, seed=seed, features=effects, **settings).image
@@ -130,7 +131,7 @@ def methods_of(case: HardCase) -> tuple[str, ...]:
 
 def measured(wanted: list[str], budget: int, most_seeds: int) -> Iterator[Verdict]:
     chosen = [case for case in cases() if case.learns and (not wanted or case.name in wanted)]
-    scenes = [warpmis.load_stage(case.build()) for case in chosen]
+    scenes = [scene_of(case) for case in chosen]
     effects = effects_of(scenes)
     for case, scene in zip(chosen, scenes, strict=True):
         yield from verdicts(case.name, renderer(case, scene, effects, budget), methods_of(case), most_seeds)
