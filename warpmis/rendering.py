@@ -219,6 +219,10 @@ def result_of(
         "device": config.device,
         "threads": integrator.threads,
     }
+    notes = scene.notes
+    if stats["rejected_samples"]:
+        left_out = f"{stats['rejected_samples']} of {stats['samples']} samples by method {config.method}"
+        notes = (*notes, f"{left_out} were not finite and are left out of the picture")
     exposure = scene.camera.exposure
     return RenderResult(
         image=film.image() * np.float32(exposure),
@@ -235,7 +239,7 @@ def result_of(
         name=scene.name,
         settings={**config.to_dict(), "camera": scene.camera.path},
         warnings=scene.warnings,
-        notes=scene.notes,
+        notes=notes,
     )
 
 

@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hard import naive
 from hard.case import HardCase
 from hard.every import effects_of
 from hard.learning_cases import LEARNING_CASES, PIXELS, REFUSED_MAPS, lit_floor
 from stats import detectable_bias, sidak, standard_error, z_test
+from toys import Toy, perfect
 from usd.stages import stage_of
 
 import warpmis
@@ -140,13 +142,24 @@ def test_the_unit_of_radiance_changes_no_bit(factor: float, method: str) -> None
     assert fits.all() == (factor == 2.0**60)
 
 
-def test_naive_moments_in_float32_are_not_finite() -> None:
-    """What the case is for: F^2 summed in float32 is infinite for a bright lamp, 0 for a faint one."""
+# ---- the naive step --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", naive.SAMPLES)
+def test_the_naive_step_breaks_where_ours_does_not(name: str) -> None:
+    """The same samples: shares off the simplex, or no numbers, if written without guards in float32."""
+    assert not naive.outcome(name, naive=True).startswith("shares from"), naive.outcome(name, naive=True)
+    assert naive.outcome(name, naive=False).startswith("shares from")
+
+
+def test_a_share_of_0_loses_light_for_ever() -> None:
+    """What the bounds are for: without the first strategy half of the integral is never drawn, nor learned of."""
+    toy = perfect()
+    lamp = Toy(toy.f[::-1] + 0.5, toy.p)
+    shares = np.array([0.0, 1.0])
     with np.errstate(all="ignore"):
-        bright = (np.float32([0.5e20, 1e20]) ** 2).sum()
-        faint = (np.float32([0.5e-30, 1e-30]) ** 2).sum()
-        assert np.isinf(bright) and np.isnan(bright / bright)
-        assert faint == 0.0
+        F = np.where(lamp.p @ shares > 0.0, lamp.f / (lamp.p @ shares), 0.0)
+    assert lamp.expectation(F, shares) == pytest.approx(lamp.integral - 0.25)
 
 
 # ---- refusals -------------------------------------------------------------------------------------------------------
