@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
-from toys import filled, solve, sums
+from toys import Toy, filled, solve, sums
+from unit.learn.test_candidates import MIXTURE, choose, known_of
 
 from warpmis.features import Features
 from warpmis.film import Film
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.moments import CANDIDATES, Layout
 from warpmis.kernels.strategies import make_strategies
-from warpmis.learn.candidates import make_candidates
 from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
@@ -121,36 +121,23 @@ def test_a_step_never_raises_its_model(name: str, count: int) -> None:
     check()
 
 
-@many
-@given(samples(2), st.floats(0.0, 0.3), st.booleans())
-def test_the_best_candidate_is_no_worse_than_any(
-    sample: tuple[FloatArray, FloatArray, FloatArray], margin: float, stratified: bool
-) -> None:
-    F2, q, a = sample
-    layout = Layout(2, ("mean", "candidates"))
-    ratio = q @ np.array([CANDIDATES, 1.0 - np.array(CANDIDATES)])
-    inverse = np.divide(1.0, ratio, out=np.zeros_like(ratio), where=ratio > 0.0)
-    second, first = F2 @ inverse, (np.sqrt(F2) * q[:, 0]) @ inverse
-    total = np.sqrt(F2).sum()
-    known = filled(layout, mean=[total, F2.sum()], candidates=np.stack([second, first], axis=1).ravel())
-    efficiency = wp.zeros(1, dtype=wp.vec2d, device="cpu")
-    kernel = make_candidates(layout, stratified)
-    vec_s = wp.types.vector(length=2, dtype=wp.float32)
-    shares = wp.array(a[None].astype(np.float32), dtype=vec_s, device="cpu")
-    moments = wp.array(known[None], dtype=layout.vec, device="cpu")
-    wp.launch(kernel, dim=1, inputs=[0, moments, 0.0, margin, shares, efficiency], device="cpu")
-    chosen = shares.numpy()[0].astype(float)
-    assert abs(chosen.sum() - 1.0) < 1e-6
-    if not F2.any():
-        assert (chosen == a).all()
-        return
-    assert min(abs(chosen[0] - c) for c in CANDIDATES) < 1e-6
-    c = np.array(CANDIDATES)
-    variance = second - total**2
-    if stratified:
-        variance = second - first**2 * c - (total - c * first) ** 2 / (1.0 - c)
-    best = variance[np.argmin(np.abs(c - chosen[0]))]
-    assert best <= variance.min() + 1e-9 * np.abs(second).max() + 1e-9 * total**2
+@pytest.mark.parametrize("stratified", [True, False])
+def test_the_best_candidate_is_no_worse_than_any(stratified: bool) -> None:
+    """By the toy's own variance at each of the shares."""
+    positive = st.floats(1e-3, 1e3)
+
+    @many
+    @given(arrays.arrays(float, 5, elements=positive), arrays.arrays(float, (5, 2), elements=positive))
+    def check(f: FloatArray, p: FloatArray) -> None:
+        toy = Toy(f, p / p.mean(axis=0))
+        shares = choose(MIXTURE, known_of(toy, MIXTURE), stratified=stratified).shares
+        share = min(CANDIDATES, key=lambda c: abs(c - shares[0]))
+        assert shares == pytest.approx([share, 1.0 - share], abs=1e-6)
+        variance = toy.stratified_variance if stratified else toy.variance
+        rounding = 1e-9 * toy.second_moment((0.1, 0.9)) + 1e-9 * toy.second_moment((0.9, 0.1))
+        assert variance((share, 1.0 - share)) <= min(variance((c, 1.0 - c)) for c in CANDIDATES) * (1.0 + 1e-5) + rounding
+
+    check()
 
 
 # ---- samplers' inverses -------------------------------------------------------------------------------------------------
