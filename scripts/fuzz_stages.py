@@ -42,7 +42,8 @@ def Mesh "Cage" {
     uniform token interpolateBoundary = "edgeAndCorner"
     int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
     int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4, 4, 5, 7, 6, 6, 7, 1, 0, 1, 7, 5, 3, 6, 0, 2, 4]
-    point3f[] points = [(-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1), (-1, 1, -1), (1, 1, -1), (-1, -1, -1), (1, -1, -1)]
+    point3f[] points = [(-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1),
+        (-1, 1, -1), (1, 1, -1), (-1, -1, -1), (1, -1, -1)]
     int[] cornerIndices = [0]
     float[] cornerSharpnesses = [10]
     int[] creaseIndices = [1, 3, 5]
@@ -81,7 +82,8 @@ def BasisCurves "Hair" {
     uniform token basis = "bspline"
     uniform token wrap = "nonperiodic"
     int[] curveVertexCounts = [5, 4]
-    point3f[] points = [(0, 0, 0), (0, 1, 0), (0, 2, 1), (0, 3, 0), (1, 3, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1), (2, 3, 0)]
+    point3f[] points = [(0, 0, 0), (0, 1, 0), (0, 2, 1), (0, 3, 0), (1, 3, 0),
+        (2, 0, 0), (2, 1, 0), (2, 2, 1), (2, 3, 0)]
     float[] widths = [0.1] (
         interpolation = "constant"
     )
@@ -183,14 +185,14 @@ def "Render" {
 """,
 }
 
-INTEGERS = "0 1 -1 2 3 -7 255 256 65536 2147483647 -2147483648".split()
-NUMBERS = "0 -0 1 -1 0.5 1e-30 1e30 -1e30 1e300 1e-300 nan inf -inf 1e19".split()
+INTEGERS = ["0", "1", "-1", "2", "3", "-7", "255", "256", "65536", "2147483647", "-2147483648"]
+NUMBERS = ["0", "-0", "1", "-1", "0.5", "1e-30", "1e30", "-1e30", "1e300", "1e-300", "nan", "inf", "-inf", "1e19"]
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 STRING = re.compile(r'"[^"\n]*"')
 WORD = re.compile(r"[A-Za-z_]\w*")
 
 
-# ---- texts ------------------------------------------------------------------------------------------------------
+# ---- texts ----------------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -245,7 +247,7 @@ def text_of(number: int) -> str:
     return text
 
 
-# ---- a worker ---------------------------------------------------------------------------------------------------
+# ---- a worker -------------------------------------------------------------------------------------------------------
 
 
 def work(first: int, end: int, render_every: int) -> None:
@@ -282,7 +284,7 @@ def check(result: object) -> None:
         assert np.isfinite(picture).all(), f"{name} is not finite"
 
 
-# ---- the run ----------------------------------------------------------------------------------------------------
+# ---- the run --------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -328,7 +330,7 @@ def worker(first: int, end: int, render_every: int) -> Iterator[tuple[str, int, 
 
 
 def spoken(process: subprocess.Popen[str], first_rendered: int) -> Iterator[tuple[str, int, str]]:
-    """The process's lines as (kind, number, rest), until it ends; ("hung", -1, why), and its end, if it falls silent."""
+    """The process's lines as (kind, number, rest), until it ends; ("hung", -1, why) if it falls silent, and its end."""
     lines: queue.Queue[str] = queue.Queue()
 
     def listen() -> None:
@@ -359,7 +361,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0, help="number of the first text")
-    parser.add_argument("--render-every", type=int, default=10, metavar="N", help="render every Nth, at 4 pixels across")
+    parser.add_argument(
+        "--render-every", type=int, default=10, metavar="N", help="render every Nth, at 4 pixels across"
+    )
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write the texts that fell there")
     parser.add_argument("--print", type=int, dest="shown", metavar="N", help="write text N and do nothing else")
     parser.add_argument("--work", help=argparse.SUPPRESS)

@@ -23,13 +23,13 @@ import warpmis
 from warpmis.config import DEFAULT_STRATEGIES
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from hard import naive  # noqa: E402
-from hard.case import HardCase  # noqa: E402
-from hard.checks import luminance, scene_of, standard_error  # noqa: E402
-from hard.every import effects_of  # noqa: E402
-from hard.learning_cases import REFUSED_MAPS, lit_floor  # noqa: E402
-from hard.test_accumulation import accumulated, hard_samples, reference  # noqa: E402
-from usd.stages import stage_of  # noqa: E402
+from hard import naive
+from hard.case import HardCase
+from hard.checks import luminance, scene_of, standard_error
+from hard.every import effects_of
+from hard.learning_cases import REFUSED_MAPS, lit_floor
+from hard.test_accumulation import accumulated, hard_samples, reference
+from usd.stages import stage_of
 
 SECTIONS = {
     "light_cases": ("Light", "LIGHT_CASES"),
@@ -60,7 +60,7 @@ LIMITS = """## What is not so
 """
 
 
-# ---- one case ---------------------------------------------------------------------------------------------------------
+# ---- one case -------------------------------------------------------------------------------------------------------
 
 
 def methods_of(case: HardCase) -> tuple[str, ...]:
@@ -129,7 +129,7 @@ def table_row(*cells: str) -> str:
     return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
 
 
-# ---- sections ---------------------------------------------------------------------------------------------------------
+# ---- sections -------------------------------------------------------------------------------------------------------
 
 
 def section(title: str, found: Sequence[HardCase], features: Any, learning: Mapping[Any, Any]) -> list[str]:
@@ -140,7 +140,10 @@ def section(title: str, found: Sequence[HardCase], features: Any, learning: Mapp
 def accumulation() -> list[str]:
     """Four million samples of one pixel."""
     lines = ["## Accumulation", ""]
-    lines += ["Relative errors of mean and variance after 4,000,000 samples in six rounds, against two passes in float64.", ""]
+    lines += [
+        "Relative errors of mean and variance after 4,000,000 samples in six rounds, against two passes in float64.",
+        "",
+    ]
     lines += [table_row("samples", "naive: E[x^2] - E[x]^2, in float64", "instead: Welford (1962), Chan et al. (1983)")]
     lines += ["|---|---|---|"]
     for name, samples in hard_samples().items():
@@ -169,8 +172,8 @@ def learning_line(rows: Sequence[Mapping[str, Any]]) -> str:
     """How often learning never loses, in a sentence."""
     count = {word: sum(row["verdict"] == word for row in rows) for word in ("never loses", "open", "loses")}
     return (
-        f"Of {len(rows)} pairs of case and method, {count['never loses']} have at most 1.1 times the variance of `balance` "
-        f"at 99 % confidence, {count['loses']} have more (bold), and {count['open']} could not be decided (?).\n"
+        f"Of {len(rows)} pairs of case and method, {count['never loses']} have at most 1.1 times the variance of "
+        f"`balance` at 99 % confidence, {count['loses']} have more (bold), and {count['open']} could not be decided (?).\n"
     )
 
 

@@ -3,8 +3,9 @@
     python scripts/bench/hard_cases.py [CASE ...] [--budget 256] [--most-seeds 1024] [--json FILE]
 
 All methods take `--budget` samples per pixel, learning included, with the same seeds. A render's error is the squared
-distance of its picture from its method's mean, each pixel over its squared brightness (warpmis/metrics.py: squared_scale),
-fireflies and all; the ratio is that of the errors' means. With d_i = e_i / mean(e) - b_i / mean(b) for seed i,
+distance of its picture from its method's mean, each pixel over its squared brightness (warpmis/metrics.py:
+squared_scale), fireflies and all; the ratio is that of the errors' means, and `error` the root of `balance`'s. With
+d_i = e_i / mean(e) - b_i / mean(b) for seed i,
 
     log(ratio) +- t_0.99 sd(d) / sqrt(n)
 
@@ -35,9 +36,9 @@ from warpmis.features import Features
 from warpmis.metrics import squared_error, squared_scale
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-from hard.case import HardCase  # noqa: E402
-from hard.checks import scene_of  # noqa: E402
-from hard.every import cases, effects_of  # noqa: E402
+from hard.case import HardCase
+from hard.checks import scene_of
+from hard.every import cases, effects_of
 
 BASELINE = "balance"
 METHODS = ("murray20", "auto")
@@ -53,15 +54,15 @@ Render = Callable[[str, int], NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class Verdict:
-    """ratio of variances, its bounds at 99 % each, after how many seeds."""
+    """Ratio of variances, its bounds at 99 % each; relative error of balance; number of seeds."""
 
     case: str
     method: str
     ratio: float
     low: float
     high: float
+    error: float
     seeds: int
-    effective: float
 
     @property
     def word(self) -> str:
@@ -79,17 +80,18 @@ def judged(case: str, method: str, errors: FloatArray, base: FloatArray) -> Verd
     """Of both methods' errors, seed by seed."""
     n = len(errors)
     if not base.any() and not errors.any():
-        return Verdict(case, method, 1.0, 1.0, 1.0, n, float(n))
-    worth = min(effective(errors), effective(base))
+        return Verdict(case, method, 1.0, 1.0, 1.0, 0.0, n)
+    error = math.sqrt(base.mean())
     if not base.any() or not errors.any():
-        return Verdict(case, method, math.inf if errors.any() else 0.0, 0.0, math.inf, n, worth)
+        return Verdict(case, method, math.inf if errors.any() else 0.0, 0.0, math.inf, error, n)
+    worth = min(effective(errors), effective(base))
     ratio = errors.mean() / base.mean()
     apart = errors / errors.mean() - base / base.mean()
     reach = stats.t.ppf(CONFIDENCE, n - 1) * apart.std(ddof=1) / math.sqrt(n)
     low, high = ratio * math.exp(-reach), ratio * math.exp(reach)
     if worth < FEWEST_EFFECTIVE and not np.array_equal(errors, base):
         low, high = 0.0, math.inf
-    return Verdict(case, method, float(ratio), low, high, n, worth)
+    return Verdict(case, method, float(ratio), low, high, error, n)
 
 
 def errors_of(pictures: list[FloatArray], scale: FloatArray) -> FloatArray:
@@ -130,11 +132,12 @@ def methods_of(case: HardCase) -> tuple[str, ...]:
 
 
 def measured(wanted: list[str], budget: int, most_seeds: int) -> Iterator[Verdict]:
-    chosen = [case for case in cases() if case.learns and (not wanted or case.name in wanted)]
-    scenes = [scene_of(case) for case in chosen]
-    effects = effects_of(scenes)
-    for case, scene in zip(chosen, scenes, strict=True):
-        yield from verdicts(case.name, renderer(case, scene, effects, budget), methods_of(case), most_seeds)
+    learned = [case for case in cases() if case.learns]
+    effects = effects_of(map(scene_of, learned))
+    for case in learned:
+        if not wanted or case.name in wanted:
+            render = renderer(case, scene_of(case), effects, budget)
+            yield from verdicts(case.name, render, methods_of(case), most_seeds)
 
 
 def main() -> None:
@@ -145,10 +148,10 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     rows = []
-    print("| case | method | variance / balance | 99 % bounds | seeds | |\n|---|---|---|---|---|---|")
+    print("| case | method | variance / balance | 99 % bounds | error | seeds | |\n|---|---|---|---|---|---|---|")
     for verdict in measured(arguments.cases, arguments.budget, arguments.most_seeds):
         bounds = f"{verdict.low:.2f} to {verdict.high:.2f}"
-        figures = f"{verdict.ratio:.2f} | {bounds} | {verdict.seeds} | {verdict.word}"
+        figures = f"{verdict.ratio:.2f} | {bounds} | {100.0 * verdict.error:.2g} % | {verdict.seeds} | {verdict.word}"
         print(f"| {verdict.case} | {verdict.method} | {figures} |", flush=True)
         rows.append({**dataclasses.asdict(verdict), "verdict": verdict.word})
     if arguments.json:

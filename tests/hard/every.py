@@ -1,4 +1,4 @@
-"""All hard cases: the lists named *_CASES of the modules hard/*_cases.py, and the effects that they call for together."""
+"""All hard cases, from the lists named *_CASES of the modules hard/*_cases.py, and what they call for together."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from functools import reduce
 from importlib import import_module
 from pathlib import Path
 
-import warpmis
 from hard.case import HardCase
+
+import warpmis
 from warpmis.features import Features, detect
 
 

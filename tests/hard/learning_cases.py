@@ -99,7 +99,7 @@ def caustic(share: float, radiance: float) -> str:
     (1, 2, 0): share = E / (pi L) = r^2 cos(theta) / d^2, with d^2 = 5 and cos(theta) = 2 / sqrt(5).
     """
     mirror = "(0.3, 1.5, -3), (3, 1.5, -3), (3, 1.5, 3), (0.3, 1.5, 3)"
-    look = 'rel material:binding = </Silver>'
+    look = "rel material:binding = </Silver>"
     return shut_lamp(math.sqrt(share * 5.0 * math.sqrt(5.0) / 2.0), radiance) + MIRROR + quad("Mirror", mirror, look)
 
 
@@ -118,7 +118,13 @@ def mixed(share: float, radiance: float) -> str:
 
 
 def case(
-    name: str, trouble: str, remedy: str, text: Callable[[], str], mean: float | None, learns: bool = True, **settings: Any
+    name: str,
+    trouble: str,
+    remedy: str,
+    text: Callable[[], str],
+    mean: float | None,
+    learns: bool = True,
+    **settings: Any,
 ) -> HardCase:
     grey = None if mean is None else (mean, mean, mean)
     return HardCase(name, trouble, remedy, lambda: stage_of(text()), grey, {"max_depth": 2, **settings}, learns)

@@ -1,4 +1,4 @@
-"""Four million samples a pixel: mean and variance are those of float64, in any number of rounds, merged in any order."""
+"""Four million samples a pixel: mean and variance are those of float64, however they are divided into rounds."""
 
 from __future__ import annotations
 

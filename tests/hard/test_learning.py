@@ -88,7 +88,7 @@ def test_right_answer(name: str, method: str) -> None:
     assert p > SIGNIFICANCE, f"{means.mean():.6g} +- {error:.2g}, not {expected[0]:.6g}"
 
 
-# ---- what is learned ----------------------------------------------------------------------------------------------
+# ---- what is learned ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", ["murray20", "auto"])
@@ -142,7 +142,7 @@ def test_the_unit_of_radiance_changes_no_bit(factor: float, method: str) -> None
     assert fits.all() == (factor == 2.0**60)
 
 
-# ---- the naive step --------------------------------------------------------------------------------------------------
+# ---- the naive step -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", naive.SAMPLES)
@@ -174,4 +174,4 @@ def test_a_bad_map_is_refused_in_one_line(name: str) -> None:
 
 
 def test_a_good_map_is_taken() -> None:
-    assert PIXELS**2 == rendered("shares-on-the-bounds", "fixed").allocation[..., 0].size
+    assert rendered("shares-on-the-bounds", "fixed").allocation[..., 0].size == PIXELS**2

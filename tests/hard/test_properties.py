@@ -34,7 +34,7 @@ LOW, HIGH = 0.1, 0.9
 LEAST = 0.05
 
 
-# ---- solvers ----------------------------------------------------------------------------------------------------------
+# ---- solvers --------------------------------------------------------------------------------------------------------
 
 
 @st.composite
@@ -57,7 +57,9 @@ def step(name: str, F2: FloatArray, q: FloatArray, a: FloatArray) -> FloatArray:
     count = len(a)
     if name == "newton_simplex":
         known = filled(Layout(count, ("mean",)), moments=moments, mean=[np.sqrt(F2).sum(), F2.sum()])
-        return solve(make_newton_simplex(Layout(count, ("mean",))), Layout(count, ("mean",)), known[None], a[None], LEAST)[0]
+        return solve(
+            make_newton_simplex(Layout(count, ("mean",))), Layout(count, ("mean",)), known[None], a[None], LEAST
+        )[0]
     if name == "expectation":
         layout = Layout(count, ("posterior",))
         known = filled(layout, moments=moments, posterior=a * (np.sqrt(F2) @ q))
@@ -135,17 +137,21 @@ def test_the_best_candidate_is_no_worse_than_any(stratified: bool) -> None:
         assert shares == pytest.approx([share, 1.0 - share], abs=1e-6)
         variance = toy.stratified_variance if stratified else toy.variance
         rounding = 1e-9 * toy.second_moment((0.1, 0.9)) + 1e-9 * toy.second_moment((0.9, 0.1))
-        assert variance((share, 1.0 - share)) <= min(variance((c, 1.0 - c)) for c in CANDIDATES) * (1.0 + 1e-5) + rounding
+        assert (
+            variance((share, 1.0 - share)) <= min(variance((c, 1.0 - c)) for c in CANDIDATES) * (1.0 + 1e-5) + rounding
+        )
 
     check()
 
 
-# ---- samplers' inverses -------------------------------------------------------------------------------------------------
+# ---- samplers' inverses ---------------------------------------------------------------------------------------------
 
 
 @cache
 def chooser(count: int) -> wp.Kernel:
-    strategies = make_strategies(Features(strategies=("bsdf", "light", "uniform", "cosine", "area")[:count]), None, None)
+    strategies = make_strategies(
+        Features(strategies=("bsdf", "light", "uniform", "cosine", "area")[:count]), None, None
+    )
     choose = strategies.choose
     vec_s = strategies.vec_s
 

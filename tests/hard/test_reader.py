@@ -52,12 +52,17 @@ VALUES = {
     "matrix4d": st.lists(vector(4), min_size=4, max_size=4).map(lambda rows: f"({', '.join(rows)})"),
 }
 
-LIGHT = [("float", "inputs:intensity"), ("float", "inputs:exposure"), ("color3f", "inputs:color"), ("bool", "inputs:normalize")]
+LIGHT = [
+    ("float", "inputs:intensity"),
+    ("float", "inputs:exposure"),
+    ("color3f", "inputs:color"),
+    ("bool", "inputs:normalize"),
+]
 LIGHT += [("float", "inputs:colorTemperature"), ("bool", "inputs:enableColorTemperature")]
 ATTRIBUTES = {
     "Mesh": [
-        ("int[]", "faceVertexCounts"), ("int[]", "faceVertexIndices"), ("point3f[]", "points"), ("normal3f[]", "normals"),
-        ("color3f[]", "primvars:displayColor"), ("int[]", "holeIndices"), ("int[]", "creaseIndices"),
+        ("int[]", "faceVertexCounts"), ("int[]", "faceVertexIndices"), ("point3f[]", "points"),
+        ("normal3f[]", "normals"), ("color3f[]", "primvars:displayColor"), ("int[]", "holeIndices"), ("int[]", "creaseIndices"),
         ("int[]", "creaseLengths"), ("float[]", "creaseSharpnesses"), ("int[]", "cornerIndices"),
         ("float[]", "cornerSharpnesses"),
     ],
@@ -84,7 +89,10 @@ ATTRIBUTES = {
     ],
 }  # fmt: skip
 TOKENS = {
-    "Mesh": [("subdivisionScheme", token("none", "catmullClark", "loop", "bilinear")), ("orientation", token("leftHanded"))],
+    "Mesh": [
+        ("subdivisionScheme", token("none", "catmullClark", "loop", "bilinear")),
+        ("orientation", token("leftHanded")),
+    ],
     "BasisCurves": [("type", token("linear", "cubic")), ("basis", token("bezier", "bspline", "catmullRom"))],
     "Cylinder": [("axis", token("X", "Y", "Z"))],
 }
