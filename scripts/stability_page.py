@@ -173,7 +173,7 @@ def learning_line(rows: Sequence[Mapping[str, Any]]) -> str:
     count = {word: sum(row["verdict"] == word for row in rows) for word in ("never loses", "open", "loses")}
     return (
         f"Of {len(rows)} pairs of case and method, {count['never loses']} have at most 1.1 times the variance of "
-        f"`balance` at 99 % confidence, {count['loses']} have more (bold), and {count['open']} could not be decided (?).\n"
+        f"`balance` at 99 % confidence, {count['loses']} have more (bold), {count['open']} could not be decided (?).\n"
     )
 
 

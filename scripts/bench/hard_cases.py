@@ -9,10 +9,10 @@ d_i = e_i / mean(e) - b_i / mean(b) for seed i,
 
     log(ratio) +- t_0.99 sd(d) / sqrt(n)
 
-bounds it from either side at 99 % each (Student's t, delta method). The seeds are doubled until the upper bound is
-below 1.1 ("never loses"), the lower one above it ("loses"), or there are as many as allowed ("open"). Where single
-paths decide, errors have heavy tails: below 30 seeds' worth of errors, (sum e)^2 / sum e^2 of either method, nothing is
-decided.
+bounds it from either side at 99 % each (Student's t, delta method; the 1 % is shared among the looks). The seeds are
+doubled until the upper bound is below 1.1 ("never loses"), the lower one above it ("loses"), or there are as many as
+allowed ("open"). Where single paths decide, errors have heavy tails: below 30 seeds' worth of errors,
+(sum e)^2 / sum e^2 of either method, nothing is decided.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def effective(errors: FloatArray) -> float:
     return float(errors.sum() ** 2 / max(np.square(errors).sum(), 1e-300))
 
 
-def judged(case: str, method: str, errors: FloatArray, base: FloatArray) -> Verdict:
+def judged(case: str, method: str, errors: FloatArray, base: FloatArray, confidence: float = CONFIDENCE) -> Verdict:
     """Of both methods' errors, seed by seed."""
     n = len(errors)
     if not base.any() and not errors.any():
@@ -87,7 +87,7 @@ def judged(case: str, method: str, errors: FloatArray, base: FloatArray) -> Verd
     worth = min(effective(errors), effective(base))
     ratio = errors.mean() / base.mean()
     apart = errors / errors.mean() - base / base.mean()
-    reach = stats.t.ppf(CONFIDENCE, n - 1) * apart.std(ddof=1) / math.sqrt(n)
+    reach = stats.t.ppf(confidence, n - 1) * apart.std(ddof=1) / math.sqrt(n)
     low, high = ratio * math.exp(-reach), ratio * math.exp(reach)
     if worth < FEWEST_EFFECTIVE and not np.array_equal(errors, base):
         low, high = 0.0, math.inf
@@ -104,13 +104,15 @@ def verdicts(name: str, render: Render, methods: tuple[str, ...], most_seeds: in
     """Of each method on one case."""
     pictures: dict[str, list[FloatArray]] = {method: [] for method in (BASELINE, *methods)}
     count = FEWEST_SEEDS
+    looks = 1 + int(math.log2(max(most_seeds / FEWEST_SEEDS, 1.0)))
+    confidence = 1.0 - (1.0 - CONFIDENCE) / looks
     while True:
         for method, own in pictures.items():
             own.extend(render(method, seed).astype(np.float64) for seed in range(len(own), count))
         mean = np.mean([np.mean(own, axis=0) for own in pictures.values()], axis=0)
         scale = np.maximum(squared_scale(mean), 1e-300)
         errors = {method: errors_of(own, scale) for method, own in pictures.items()}
-        found = [judged(name, method, errors[method], errors[BASELINE]) for method in methods]
+        found = [judged(name, method, errors[method], errors[BASELINE], confidence) for method in methods]
         if all(verdict.word != "open" for verdict in found) or 2 * count > most_seeds:
             return found
         count *= 2

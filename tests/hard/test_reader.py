@@ -62,9 +62,9 @@ LIGHT += [("float", "inputs:colorTemperature"), ("bool", "inputs:enableColorTemp
 ATTRIBUTES = {
     "Mesh": [
         ("int[]", "faceVertexCounts"), ("int[]", "faceVertexIndices"), ("point3f[]", "points"),
-        ("normal3f[]", "normals"), ("color3f[]", "primvars:displayColor"), ("int[]", "holeIndices"), ("int[]", "creaseIndices"),
-        ("int[]", "creaseLengths"), ("float[]", "creaseSharpnesses"), ("int[]", "cornerIndices"),
-        ("float[]", "cornerSharpnesses"),
+        ("normal3f[]", "normals"), ("color3f[]", "primvars:displayColor"), ("int[]", "holeIndices"),
+        ("int[]", "creaseIndices"), ("int[]", "creaseLengths"), ("float[]", "creaseSharpnesses"),
+        ("int[]", "cornerIndices"), ("float[]", "cornerSharpnesses"),
     ],
     "Sphere": [("double", "radius")],
     "Cylinder": [("double", "radius"), ("double", "height")],
