@@ -84,7 +84,8 @@ def judged(case: str, method: str, errors: FloatArray, base: FloatArray, confide
     error = math.sqrt(base.mean())
     if not base.any() or not errors.any():
         return Verdict(case, method, math.inf if errors.any() else 0.0, 0.0, math.inf, error, n)
-    worth = min(effective(errors), effective(base))
+    # Where even the worst error is below the mean of the baseline's, its tail cannot matter.
+    worth = effective(base) if errors.max() <= base.mean() else min(effective(errors), effective(base))
     ratio = errors.mean() / base.mean()
     apart = errors / errors.mean() - base / base.mean()
     reach = stats.t.ppf(confidence, n - 1) * apart.std(ddof=1) / math.sqrt(n)

@@ -60,6 +60,12 @@ def test_heavy_tails_are_not_judged(bench: Any) -> None:
     assert bench.judged("", "", rare, np.roll(rare, 7)).word == "open"
 
 
+def test_next_to_no_error_is_no_loss(bench: Any) -> None:
+    rounding = np.zeros(64)
+    rounding[5] = 1e-12
+    assert bench.judged("", "", rounding, np.ones(64)).word == "never loses"
+
+
 def test_the_same_errors_are_no_loss(bench: Any) -> None:
     errors = np.random.default_rng(1).exponential(size=64)
     assert bench.judged("", "", errors, errors).word == "never loses"

@@ -167,12 +167,17 @@ NUMBERS = st.one_of(st.just(0.0), st.just(1.0 - 2.0**-24), st.integers(0, 2**24 
 
 
 @many
-@given(arrays.arrays(float, 4, elements=st.one_of(st.just(0.0), st.floats(1e-6, 1.0))), st.lists(NUMBERS, min_size=1))
-def test_choice_inverts_the_cumulated_shares(weights: FloatArray, numbers: list[float]) -> None:
-    """What is chosen has a share, and the number lies in its part of the unit interval."""
+@given(
+    arrays.arrays(float, 4, elements=st.one_of(st.just(0.0), st.floats(1e-6, 1.0))),
+    st.sampled_from([1.0, 1.0 - 3e-7]),
+    st.lists(NUMBERS, min_size=1),
+)
+def test_choice_inverts_the_cumulated_shares(weights: FloatArray, total: float, numbers: list[float]) -> None:
+    """What is chosen has a share, and the number lies in its part of the unit interval; rounded shares may sum to less
+    than 1."""
     if weights.sum() == 0.0:
         weights = np.ones(4)
-    shares = (weights / weights.sum()).astype(np.float32)
+    shares = (total * weights / weights.sum()).astype(np.float32)
     u = wp.array(np.array(numbers, dtype=np.float32), dtype=float, device="cpu")
     out = wp.zeros(len(numbers), dtype=int, device="cpu")
     kernel = chooser(4)
