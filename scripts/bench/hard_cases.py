@@ -83,7 +83,8 @@ def judged(case: str, method: str, errors: FloatArray, base: FloatArray, confide
         return Verdict(case, method, 1.0, 1.0, 1.0, 0.0, n)
     error = math.sqrt(base.mean())
     if not base.any() or not errors.any():
-        return Verdict(case, method, math.inf if errors.any() else 0.0, 0.0, math.inf, error, n)
+        ratio = math.inf if errors.any() else 0.0
+        return Verdict(case, method, ratio, ratio, ratio, error, n)
     # Where even the worst error is below the mean of the baseline's, its tail cannot matter.
     worth = effective(base) if errors.max() <= base.mean() else min(effective(errors), effective(base))
     ratio = errors.mean() / base.mean()

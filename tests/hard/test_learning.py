@@ -152,6 +152,10 @@ def test_the_naive_step_breaks_where_ours_does_not(name: str) -> None:
     assert naive.outcome(name, naive=False).startswith("shares from")
 
 
+def test_rounding_of_equal_densities_moves_no_share() -> None:
+    assert (naive.step(naive.alike(2), naive=False) == 0.5).all()
+
+
 def test_a_share_of_0_loses_light_for_ever() -> None:
     """What the bounds are for: without the first strategy half of the integral is never drawn, nor learned of."""
     toy = perfect()

@@ -64,6 +64,8 @@ def test_next_to_no_error_is_no_loss(bench: Any) -> None:
     rounding = np.zeros(64)
     rounding[5] = 1e-12
     assert bench.judged("", "", rounding, np.ones(64)).word == "never loses"
+    assert bench.judged("", "", np.zeros(64), np.ones(64)).word == "never loses"
+    assert bench.judged("", "", np.ones(64), np.zeros(64)).word == "loses"
 
 
 def test_the_same_errors_are_no_loss(bench: Any) -> None:
