@@ -47,13 +47,15 @@ def check_finite(result: RenderResult) -> None:
 
 
 def standard_error(result: RenderResult) -> float:
-    """Of the mean luminance, from the pixels' variances; from their spread where float32 cannot hold the variance of
-    radiance as small, or as large, as it is. (All pixels see the same point then.)"""
+    """Of the mean luminance, from the variance of the pixels' samples."""
     variance = result.variance.astype(np.float64) / np.maximum(result.samples, 1)
-    brightest = float(luminance(result.image).max())
-    if not 1e-15 < brightest < 1e15:
-        return float(luminance(result.image).std(ddof=1) / np.sqrt(variance.size))
     return float(np.sqrt(variance.sum()) / variance.size)
+
+
+def spread(result: RenderResult) -> float:
+    """Standard error of the mean luminance where all pixels see the same point: from their spread, which is less than
+    that of random choices, for the choice of strategy is stratified over a pixel's samples."""
+    return float(luminance(result.image).std(ddof=1) / np.sqrt(result.variance.size))
 
 
 def luminance(image: Any) -> Any:
@@ -61,9 +63,9 @@ def luminance(image: Any) -> Any:
 
 
 def check_mean(result: RenderResult, expected: tuple[float, float, float], significance: float = SIGNIFICANCE) -> None:
-    """A z-test of the mean luminance; the error of rounding counts as one standard error."""
+    """A z-test of the mean luminance of a picture of one point; rounding's error counts as one standard error."""
     mean, wanted = float(luminance(result.image).mean()), float(luminance(np.array(expected)))
-    error = np.hypot(standard_error(result), ROUNDING * wanted)
+    error = np.hypot(spread(result), ROUNDING * wanted)
     assert stats.z_test(mean, float(error), wanted) > significance, (mean, wanted, error)
 
 

@@ -77,7 +77,9 @@ def bright_box(depth: int) -> Callable[[], Scene]:
     def build() -> Scene:
         look = material(diffuseColor=1.0, emissiveColor=1.0)
         inside = camera((0.1, 0.2, 0.3), -10.0, 0.3)
-        scene = warpmis.load_stage(stage(box(1.0, color=None, more="uniform bool doubleSided = 1\n" + bound()), look, inside))
+        scene = warpmis.load_stage(
+            stage(box(1.0, color=None, more="uniform bool doubleSided = 1\n" + bound()), look, inside)
+        )
         white = tuple(dataclasses.replace(one, lambertian=True) for one in scene.materials)
         return dataclasses.replace(scene, materials=white)
 

@@ -63,7 +63,9 @@ def Mesh "{name}" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
 """
 
 
-def floor(half: float = 1.0, height: float = 0.0, name: str = "Floor", color: float | None = RHO, more: str = "") -> str:
+def floor(
+    half: float = 1.0, height: float = 0.0, name: str = "Floor", color: float | None = RHO, more: str = ""
+) -> str:
     points = [(-half, height, half), (half, height, half), (half, height, -half), (-half, height, -half)]
     return mesh(name, points, [(0, 1, 2, 3)], color, more)
 
@@ -75,7 +77,9 @@ def box(half: float, name: str = "Box", color: float | None = RHO, more: str = "
     return mesh(name, points, faces, color, more)
 
 
-def light(kind: str, name: str = "Lamp", at: Any = (0, 1, 0), rotate: Any = (0, 0, 0), more: str = "", **inputs: Any) -> str:
+def light(
+    kind: str, name: str = "Lamp", at: Any = (0, 1, 0), rotate: Any = (0, 0, 0), more: str = "", **inputs: Any
+) -> str:
     values = [f"float inputs:{key} = {number(value)}" for key, value in inputs.items() if key != "normalize"]
     values.append(f"bool inputs:normalize = {int(bool(inputs.get('normalize', False)))}")
     lines = "\n    ".join(values)

@@ -35,7 +35,6 @@ from warpmis.scene import (
     SphereLight,
 )
 
-
 # No light counts for less than this share of the brightest one when lights are chosen.
 MIN_SHARE = 1e-20
 

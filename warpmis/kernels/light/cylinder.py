@@ -1,7 +1,7 @@
 """Cylinder lights, without caps: uniform over the visible part's azimuth and, along it, over the sine of elevation.
 
-Seen from a point at the distance d of the axis, the half that faces it fills the azimuths |beta| < asin(r / d) about the
-axis' direction. Of one azimuth the crossing is at the distance rho(beta) from the point, across the axis, and the ends
+Seen from a point at the distance d of the axis, the half that faces it fills the azimuths |beta| < asin(r / d) about
+the axis' direction. Of one azimuth the crossing is at the distance rho(beta) from the point, across the axis; the ends
 lie at the elevations with the sines z / |(rho, z)|. Since d(omega) = d(beta) d(sine), the density is bounded up to the
 silhouette, where that of a uniform area is infinite.
 

@@ -35,9 +35,9 @@ class Receiver:
     where none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice:
     its importance counts as 1.
 
-    drawn: 1 + the index of the light that the ray from x was drawn towards, 0 for none; drawn_distance, drawn_pdf: where
-    it meets that light, and with which density the light's sampler drew it. The ray's direction is rounded, and a light
-    that is small or seen edge-on would be missed: what was drawn counts as hit.
+    drawn: 1 + the index of the light that the ray from x was drawn towards, 0 for none; drawn_distance, drawn_pdf:
+    where it meets that light, and with which density the light's sampler drew it. The ray's direction is rounded, and a
+    light that is small or seen edge-on would be missed: what was drawn counts as hit.
 
     prim: 1 + the index of the prim at x where anything is asked of lights, 0 for the camera; diffuse: the share of what
     the surface scatters from the ray's direction that its diffuse lobe does, per color.
