@@ -1,7 +1,7 @@
 """The page docs/stability.md: every hard case, what breaks in the naive form, what is done about it, what was measured:
 
     python scripts/bench/hard_cases.py --json hard.json
-    python scripts/stability_page.py hard.json > docs/stability.md
+    python scripts/stability_page.py hard.json -o docs/stability.md
 
 Each case is rendered by several methods here; hard.json adds how learning fares on it.
 """
@@ -25,9 +25,10 @@ from warpmis.config import DEFAULT_STRATEGIES
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from hard import naive
 from hard.case import HardCase
-from hard.checks import luminance, scene_of, standard_error
+from hard.checks import luminance, scene_of, spread, standard_error
 from hard.every import effects_of
 from hard.learning_cases import REFUSED_MAPS, lit_floor
+from hard.naive_forms import NAIVE_FORMS
 from hard.test_accumulation import accumulated, hard_samples, reference
 from usd.stages import stage_of
 
@@ -82,7 +83,8 @@ def flaws(result: warpmis.RenderResult) -> list[str]:
 def measured(case: HardCase, results: Mapping[str, warpmis.RenderResult]) -> str:
     """The means in standard errors, and whatever is not as it should be."""
     means = {name: float(luminance(result.image).mean()) for name, result in results.items()}
-    errors = {name: standard_error(result) for name, result in results.items()}
+    error = standard_error if case.mean is None else spread
+    errors = {name: error(result) for name, result in results.items()}
     wrong = sorted({flaw for result in results.values() for flaw in flaws(result)})
     refused = [line.partition(": ")[2] for line in next(iter(results.values())).warnings if "left out" in line]
     names = ", ".join(f"`{name}`" for name in results)
@@ -155,6 +157,15 @@ def accumulation() -> list[str]:
     return [*lines, "", "Films merge in any order and grouping to 1e-9 (`tests/hard/test_properties.py`).", ""]
 
 
+def naive_forms() -> list[str]:
+    """Formulas in float32, beside the forms that the kernels have."""
+    lines = ["## Formulas", "", "Largest relative errors in float32.", "", table_row("formula", "naive", "instead")]
+    lines.append("|---|---|---|")
+    for name, errors in NAIVE_FORMS.items():
+        lines.append(table_row(name, *(f"{error:.0e}" for error in errors())))
+    return [*lines, ""]
+
+
 def refusals() -> list[str]:
     """Allocation maps that no render takes."""
     lines = ["## Refused", "", table_row("allocation map", "what is said"), "|---|---|"]
@@ -180,6 +191,7 @@ def learning_line(rows: Sequence[Mapping[str, Any]]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("learning", type=Path, help="what scripts/bench/hard_cases.py --json wrote")
+    parser.add_argument("-o", dest="out", type=Path, required=True, help="the page")
     parser.add_argument("--device", default="CPU; not yet seen on a GPU", help="what to say of the machine")
     arguments = parser.parse_args()
     rows = json.loads(arguments.learning.read_text())
@@ -189,7 +201,8 @@ def main() -> None:
         if any(path.stem == module for path in Path(naive.__file__).parent.glob("*_cases.py")):
             found = vars(import_module(f"hard.{module}"))[name]
             lines += section(title, found, effects_of(map(scene_of, found)), learning)
-    print("\n".join([*lines, *accumulation(), *refusals(), LIMITS]), end="")
+    page = "\n".join([*lines, *naive_forms(), *accumulation(), *refusals(), LIMITS])
+    arguments.out.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
