@@ -30,6 +30,9 @@ USD_SCENES = Path(__file__).parents[1] / "usd_scenes"
 PATIENCE = 240.0
 PATIENCE_OF_FIRST = 480.0
 
+# Texts longer than this are read coarsely, or most of the time would go into tessellating their spheres.
+FINE = 5000
+
 TEXTS = {
     "subdivided": """#usda 1.0
 (
@@ -263,9 +266,10 @@ def work(first: int, end: int, render_every: int) -> None:
         for number in range(first, end):
             print("text", number, flush=True)
             path = Path(folder) / f"{number}.usda"
-            path.write_text(text_of(number), encoding="utf-8")
+            text = text_of(number)
+            path.write_text(text, encoding="utf-8")
             try:
-                scene = warpmis.load_stage(path, width=4)
+                scene = warpmis.load_stage(path, width=4, complexity="high" if len(text) < FINE else "low")
                 if number % render_every == 0 and max(scene.resolution) <= 64:
                     check(warpmis.render(scene, spp=1, method="nee", features=Features.all(), threads=1))
                 said = "read"

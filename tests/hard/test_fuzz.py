@@ -46,7 +46,7 @@ def test_what_falls_is_told(fuzz_stages: Any, tmp_path: Path, monkeypatch: pytes
     (package / "__init__.py").write_text(
         "import os, time\n"
         "class WarpmisError(Exception): pass\n"
-        "def load_stage(path, width):\n"
+        "def load_stage(path, **options):\n"
         "    number = int(path.stem)\n"
         "    if number == 3: os.abort()\n"
         "    if number == 5: raise KeyError('lost')\n"
