@@ -19,8 +19,11 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "bench" / "hard_cases.py"
 # off once; but both relative errors are below this.
 UNEVEN_CHOICE = 0.01
 
-# No learner can know: of 100 samples that it learns from, one in a hundred pixels meets the rare light.
-UNKNOWABLE = {"a-rare-light-beside-a-common-one"}
+# What is let pass, and why (docs/stability.md, last section).
+KNOWN = {
+    "a-rare-light-beside-a-common-one": "no learner can know: one pixel in a hundred meets that light while it learns",
+    "clearcoat-over-mirror": "the mirror leaves murray20 two or three of a round's 32 samples to step from",
+}
 
 
 @pytest.fixture(scope="module")
@@ -81,4 +84,4 @@ def test_learning_never_loses(bench: Any) -> None:
     print(*lost, sep="\n")
     assert len(verdicts) > 10
     lost = [verdict for verdict in lost if verdict.error * verdict.ratio**0.5 > UNEVEN_CHOICE]
-    assert {verdict.case for verdict in lost} <= UNKNOWABLE
+    assert {verdict.case for verdict in lost} <= set(KNOWN)
