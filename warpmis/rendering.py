@@ -243,6 +243,10 @@ def result_of(
         "kernels_cached": integrator.compilation.cached,
         "bytes": integrator.bytes(),
     }
+    notes = scene.notes
+    if stats["rejected_samples"]:
+        left_out = f"{stats['rejected_samples']} of {stats['samples']} samples by method {config.method}"
+        notes = (*notes, f"{left_out} were not finite and are left out of the picture")
     exposure = scene.camera.exposure
     return RenderResult(
         image=film.image() * np.float32(exposure),
@@ -251,7 +255,7 @@ def result_of(
         normal=film.mean_normal(),
         depth=film.mean_depth(),
         samples=film.count,
-        variance=spread.variance() * np.float32(exposure**2),
+        variance=spread.variance(exposure),
         allocation=integrator.allocation_map(),
         round_allocations=tuple(maps),
         strategies=config.strategies,
@@ -259,7 +263,7 @@ def result_of(
         name=scene.name,
         settings={**config.to_dict(), "camera": scene.camera.path},
         warnings=scene.warnings,
-        notes=scene.notes,
+        notes=notes,
     )
 
 

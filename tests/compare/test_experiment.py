@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -218,3 +219,13 @@ def test_rounds_of_a_swept_length_fit_the_budget() -> None:
 def test_settings_are_checked(settings: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         Settings(**settings)
+
+
+def test_notes_of_every_method_are_told(fake: FakeRender, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as that samples were not finite: whichever method they were of."""
+
+    def render(scene: Any, *, config: Any, progress: Any = None) -> warpmis.RenderResult:
+        return replace(fake(scene, config=config, progress=progress), notes=("of all", f"of {config.method}"))
+
+    monkeypatch.setitem(vars(warpmis), "render", render)
+    assert compared(BALANCE, NEE)["notes"] == ["of all", "of balance", "of nee"]

@@ -56,7 +56,7 @@ def summarize(experiment: Experiment, stage: str) -> dict[str, Any]:
         "targets": list(TARGETS),
         "methods": [_method(measurement, experiment) for measurement in experiment.measurements],
         "warnings": _distinct([*result.warnings, *experiment.left_out, *_doubts(experiment, first)]),
-        "notes": _distinct(result.notes),
+        "notes": _distinct([note for one in experiment.measurements for note in _pictures(one).first.notes]),
     }
 
 

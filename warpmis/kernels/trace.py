@@ -31,19 +31,29 @@ def is_finite(value: float) -> bool:
 
 
 @wp.func
-def merged(luminance: wp.vec2d, count: int, sums: wp.vec2d, more: int) -> wp.vec2d:
-    """(mean, M2) of `count` samples joined by `more` samples of (sum, sum of squares).
+def widened(luminance: wp.vec2d, count: int, y: wp.float64) -> wp.vec2d:
+    """(mean, M2) of `count` samples joined by one more.
+
+    Reference: Welford (1962), "Note on a Method for Calculating Corrected Sums of Squares and Products".
+    """
+    apart = y - luminance[0]
+    mean = luminance[0] + apart / wp.float64(count + 1)
+    return wp.vec2d(mean, luminance[1] + apart * (y - mean))
+
+
+@wp.func
+def merged(luminance: wp.vec2d, count: int, more: wp.vec2d, more_count: int) -> wp.vec2d:
+    """(mean, M2) of `count` samples joined by that of `more_count` others.
 
     Reference: Chan, Golub, LeVeque (1983), "Algorithms for Computing the Sample Variance", equation 2.1.
     """
-    if more == 0:
+    if more_count == 0:
         return luminance
-    n = wp.float64(more)
-    mean = sums[0] / n
-    m2 = wp.max(sums[1] - sums[0] * mean, wp.float64(0.0))
-    total = n + wp.float64(count)
-    apart = mean - luminance[0]
-    return wp.vec2d(luminance[0] + apart * n / total, luminance[1] + m2 + apart * apart * wp.float64(count) * n / total)
+    n = wp.float64(count)
+    m = wp.float64(more_count)
+    apart = more[0] - luminance[0]
+    mean = luminance[0] + apart * m / (n + m)
+    return wp.vec2d(mean, luminance[1] + more[1] + apart * apart * n * m / (n + m))
 
 
 @cache
@@ -112,9 +122,8 @@ def make_trace(features: Features) -> wp.Kernel:
             if not is_finite(brightness):
                 rejected += 1
                 continue
-            y = wp.float64(brightness)
             color += wp.vec3d(radiance)
-            lum += wp.vec2d(y, y * y)
+            lum = widened(lum, k - rejected, wp.float64(brightness))
             albedo += wp.vec3d(sample.albedo)
             normal += wp.vec3d(sample.normal)
             depth += wp.float64(

@@ -30,6 +30,12 @@ from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 LIGHT_COST = 0.85
 
 
+# Stratified choices give a strategy its share of n samples but for a number whose variance is about 0.5, so that of the
+# squared distance between the strategies' means 0.5 / n is paid; here for n = 256. It decides where one strategy alone
+# has no variance: all shares would seem as good.
+UNEVEN = 0.5 / 256.0
+
+
 @cache
 def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
     """Solver kernel for two strategies: (first, relative moments, cost weight) -> allocation, (V, cost).
@@ -64,6 +70,14 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
         rest = mean - share * first_mean
         return second - share * first_mean * first_mean - rest * rest / (wp.float64(1.0) - share)
 
+    @wp.func
+    def unevenness(first_mean: wp.float64, mean: wp.float64, share: wp.float64) -> wp.float64:
+        """What stratified choices leave of the variance between the strategies' means mu_s."""
+        if wp.static(not stratified):
+            return wp.float64(0.0)
+        apart = (first_mean - mean) / (wp.float64(1.0) - share)
+        return wp.float64(wp.static(UNEVEN)) * apart * apart
+
     @wp.kernel(module="unique", enable_backward=False)
     def best_candidate(
         first: int,
@@ -86,8 +100,9 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
             of_first = known[wp.static(candidates + 2 * k + 1)]
             variance = variance_of(second, of_first, known[wp.static(mean)], share)
             spent = cost_of(known, share)
-            if variance + cost_weight * spent < best:
-                best = variance + cost_weight * spent
+            loss = variance + cost_weight * spent + unevenness(of_first, known[wp.static(mean)], share)
+            if loss < best:
+                best = loss
                 chosen = vec_s(float(share), 1.0 - float(share))
                 of_chosen = wp.vec2d(variance, spent)
         if wp.static(pair >= 0):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from numpy.typing import NDArray
-from toys import Toy, bad_moments, filled, smooth
+from toys import Toy, bad_moments, filled, perfect, smooth
 
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 from warpmis.learn.candidates import LIGHT_COST, make_candidates
@@ -116,6 +116,15 @@ def test_least_variance_is_chosen(stratified: bool) -> None:
         variances = [(toy.stratified_variance if stratified else toy.variance)((c, 1.0 - c)) for c in SHARES]
         best = SHARES[np.argmin(variances)]
         assert choose(MIXTURE, known_of(toy), stratified=stratified).shares == pytest.approx([best, 1.0 - best])
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_where_one_strategy_has_no_variance_it_gets_the_most(swapped: bool) -> None:
+    """Stratified, the shares of a perfect strategy all promise 0; but a small one rests on few samples."""
+    toy = Toy(perfect().f, perfect().p[:, ::-1] if swapped else perfect().p)
+    assert max(toy.stratified_variance((c, 1.0 - c)) for c in SHARES) < 1e-12
+    expected = (0.1, 0.9) if swapped else (0.9, 0.1)
+    assert choose(MIXTURE, known_of(toy)).shares == pytest.approx(expected, abs=1e-6)
 
 
 # ---- pairs of next-event estimation ---------------------------------------------------------------------------------
