@@ -6,6 +6,8 @@ sum_c g_c (x_c - r_c)^2 with the luminance weights g of Rec.709.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,3 +68,44 @@ def estimated_relative_error(image: NDArray[np.floating], squared_standard_error
     if not scale.any():
         return 0.0  # a black picture
     return float(np.sqrt(without_outliers(squared_standard_error / scale).mean()))
+
+
+# A picture in so many independent parts tells its own error.
+PARTS = 4
+
+
+def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.integer]) -> tuple[float, float]:
+    """relMSE that is to be expected of the mean of four independent pictures, and its standard error.
+
+    With n_i samples in the part x_i, N in all, and for each pair of parts i, j the other two k, l
+
+        r = mean over pairs of |x_i - x_j|^2 / ((1 / n_i + 1 / n_j) N) / (L_k L_l + (0.1 mean L)^2)
+
+    per pixel, averaged as relMSE is. Numerator and scale are of different samples: of the same, a firefly would hide in
+    the brightness that it makes. |.|^2 as in squared_error; negative products count as 0.
+
+    The standard error is that of the difference to the picture's actual relMSE, which has chance in it, too. Of normal
+    parts, r has a variance of 2/3 E[r]^2 and the picture's squared error one of 2 E[r]^2, while E[r^2] = 5/3 E[r]^2:
+
+        standard error^2 = 8/5 sum r^2 / pixels^2        what relMSE leaves out counting as the largest that it keeps
+
+    Reference: Rousselle, Knaus, Zwicker (2012), for the noise of a picture from that of its parts.
+
+    Args:
+        parts: sums over each part's samples, shape (4, H, W, 3).
+        counts: samples per pixel of each part, shape (4,), all positive.
+    """
+    pictures = np.asarray(parts, np.float64) / np.asarray(counts, np.float64)[:, np.newaxis, np.newaxis, np.newaxis]
+    luminance = pictures @ LUMINANCE
+    floor = (DARK * luminance.mean()) ** 2
+    if floor == 0.0:
+        return 0.0, 0.0  # a black picture
+    r = np.zeros(luminance.shape[1:])
+    pairs = list(itertools.combinations(range(PARTS), 2))
+    for i, j in pairs:
+        k, other = (part for part in range(PARTS) if part not in (i, j))
+        squared = squared_error(pictures[i], pictures[j]) / ((1.0 / counts[i] + 1.0 / counts[j]) * counts.sum())
+        r += squared / (np.maximum(luminance[k] * luminance[other], 0.0) + floor) / len(pairs)
+    kept = without_outliers(r)
+    squares = (kept**2).sum() + (r.size - kept.size) * kept[-1] ** 2
+    return float(kept.mean()), float(np.sqrt(1.6 * squares) / r.size)
