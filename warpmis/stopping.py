@@ -66,6 +66,7 @@ class Watch:
 
     Attributes:
         estimate: of the last look, None before there were LEAST samples.
+        target_spp: samples per pixel at which the bound is expected to be at the target; infinite if nobody knows.
         reason: why the render has ended: "target error", "time limit" or, where nothing cut it short, "samples".
     """
 
@@ -78,6 +79,7 @@ class Watch:
         self.counts = np.zeros(PARTS, np.int64)
         self.color = np.zeros((height, width, 3))
         self.estimate: Estimate | None = None
+        self.target_spp = math.inf
         self.reason = "samples"
 
     @property
@@ -108,10 +110,8 @@ class Watch:
         self.counts[index] += len(piece)
 
     def needed_spp(self) -> int:
-        """Samples per pixel at which the render is expected to end: relMSE falls as their number grows."""
-        needed = self.config.spp
-        if self.estimate is not None and self.config.target_error is not None:
-            needed = min(needed, math.ceil(self.spp * (self.estimate.bound / self.config.target_error) ** 2))
+        """Samples per pixel at which the render is expected to end."""
+        needed = math.ceil(min(self.config.spp, self.target_spp))
         if self.config.time_limit is not None and self.spp:
             needed = min(needed, int(self.config.time_limit / self._cost()))
         return max(needed, self.spp)
@@ -145,7 +145,7 @@ class Watch:
             if target < FLOAT32_FLOOR:
                 floor = f"{100.0 * FLOAT32_FLOOR:g} %"
                 notes.append(
-                    f"a target error below {floor} asks for more than float32 paths hold: expect rounding errors"
+                    f"a target error below {floor} is below the rounding of float32 paths, which no sample tells"
                 )
             if self.reason != "target error":
                 notes.append(f"stopped by the {self._brake()} before the target error: {self._outlook()}")
@@ -159,8 +159,8 @@ class Watch:
     def _outlook(self) -> str:
         if self.estimate is None:
             return f"{self.spp} samples per pixel are too few to tell how far it is"
-        needed = math.ceil(self.spp * (self.estimate.bound / (self.config.target_error or 1.0)) ** 2)
-        return f"it is {100.0 * self.estimate.relative_error:.2g} %, and would take about {needed} samples per pixel"
+        error = f"{100.0 * self.estimate.relative_error:.2g} %"
+        return f"it is {error}, and the target would take about {self.target_spp:.0f} samples per pixel"
 
     def _cost(self) -> float:
         """Seconds of one sample per pixel."""
@@ -170,9 +170,8 @@ class Watch:
         """Samples per pixel after the next step: twice as many, or what the target needs, or what the time allows."""
         spp = self.spp
         wanted = max(2 * spp, 1)
-        if self.estimate is not None and self.config.target_error is not None:
-            need = BEYOND * spp * (self.estimate.bound / self.config.target_error) ** 2
-            wanted = min(wanted, math.ceil(need))
+        if math.isfinite(self.target_spp):
+            wanted = min(wanted, math.ceil(BEYOND * self.target_spp))
         if self.config.time_limit is not None and spp:
             left = self.config.time_limit - self.seconds()
             wanted = min(wanted, spp + max(1, int(left / self._cost())))
@@ -181,9 +180,12 @@ class Watch:
     def _look(self) -> None:
         if self.spp >= LEAST:
             self.estimate = estimate_of(self.parts, self.counts)
-            if self.config.target_error is not None and self.estimate.bound <= self.config.target_error:
-                self.reason = "target error"
-                return
+            if self.config.target_error is not None:
+                # relMSE falls as the number of samples grows.
+                self.target_spp = self.spp * (self.estimate.bound / self.config.target_error) ** 2
+                if self.target_spp <= self.spp:
+                    self.reason = "target error"
+                    return
         limit = self.config.time_limit
         # What is left must have room for a step that is worth it.
         if limit is not None and limit - self.seconds() < max(1.0, 0.01 * self.spp) * self._cost():

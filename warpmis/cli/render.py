@@ -276,7 +276,7 @@ def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said:
         result = warpmis.render(arguments.stage, config=config, progress=show, **options)
     report = _finish(result, job, arguments, said)
     if not arguments.quiet:
-        say(_summary(result, job.targets["output"], time.perf_counter() - start))
+        say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
     return report
 
 
@@ -336,14 +336,13 @@ def _distinct(lines: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _summary(result: RenderResult, out: str, seconds: float) -> str:
+def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: float) -> str:
     height, width, _ = result.image.shape
     phases = result.stats["seconds"]
     tracing = phases.get("learn", 0.0) + phases.get("render", 0.0)
     speed = speed_text(result.stats["samples"], tracing)
-    spp = result.stats["samples"] // (width * height)
-    line = f"{out}: {width} x {height}, {spp} spp, {seconds:.1f} s, {speed}"
     told = result.stats.get("stopping", {})
+    line = f"{out}: {width} x {height}, {told.get('spp', config.spp)} spp, {seconds:.1f} s, {speed}"
     if "bound" not in told:
         return line
     error = error_text(told["relative_error"], told["standard_error"])
