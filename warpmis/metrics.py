@@ -77,12 +77,12 @@ PARTS = 4
 def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.integer]) -> tuple[float, float]:
     """relMSE that is to be expected of the mean of four independent pictures, and its standard error.
 
-    With n_i samples in the part x_i, N in all, and for each pair of parts i, j the other two k, l
+    With n_i samples in the part x_i, N in all, and the luminance L of the parts,
 
-        r = mean over pairs of |x_i - x_j|^2 / ((1 / n_i + 1 / n_j) N) / (L_k L_l + (0.1 mean L)^2)
+        r = mean over i < j of |x_i - x_j|^2 / ((1 / n_i + 1 / n_j) N) / ((median of L_i)^2 + (0.1 mean L)^2)
 
-    per pixel, averaged as relMSE is. Numerator and scale are of different samples: of the same, a firefly would hide in
-    the brightness that it makes. |.|^2 as in squared_error; negative products count as 0.
+    per pixel, averaged as relMSE is; |.|^2 as in squared_error. The median, since a firefly would hide behind the
+    brightness that it makes itself: its pixel's error could never be above 100 %.
 
     The standard error is that of the difference to the picture's actual relMSE, which has chance in it, too. Of normal
     parts, r has a variance of 2/3 E[r]^2 and the picture's squared error one of 2 E[r]^2, while E[r^2] = 5/3 E[r]^2:
@@ -97,15 +97,14 @@ def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.intege
     """
     pictures = np.asarray(parts, np.float64) / np.asarray(counts, np.float64)[:, np.newaxis, np.newaxis, np.newaxis]
     luminance = pictures @ LUMINANCE
-    floor = (DARK * luminance.mean()) ** 2
-    if floor == 0.0:
+    scale = np.median(luminance, axis=0) ** 2 + (DARK * luminance.mean()) ** 2
+    if not scale.any():
         return 0.0, 0.0  # a black picture
-    r = np.zeros(luminance.shape[1:])
     pairs = list(itertools.combinations(range(PARTS), 2))
-    for i, j in pairs:
-        k, other = (part for part in range(PARTS) if part not in (i, j))
-        squared = squared_error(pictures[i], pictures[j]) / ((1.0 / counts[i] + 1.0 / counts[j]) * counts.sum())
-        r += squared / (np.maximum(luminance[k] * luminance[other], 0.0) + floor) / len(pairs)
+    scatter = sum(
+        squared_error(pictures[i], pictures[j]) / ((1.0 / counts[i] + 1.0 / counts[j]) * counts.sum()) for i, j in pairs
+    )
+    r = scatter / len(pairs) / scale
     kept = without_outliers(r)
     squares = (kept**2).sum() + (r.size - kept.size) * kept[-1] ** 2
     return float(kept.mean()), float(np.sqrt(1.6 * squares) / r.size)

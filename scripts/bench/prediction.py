@@ -2,7 +2,7 @@
 
     python scripts/bench/prediction.py [SCENE ...] [--from 5] [--to 1] [--width 32] [--seeds 1]
 
-predicted     samples per pixel to the better error, from a run that stopped at the worse one: relMSE falls as 1 / samples
+predicted     samples per pixel to the better error, from a run that stopped at the worse one: relMSE falls as they grow
 measured      what a run with another seed takes to get there, to the digit: the samples at which it stopped, times the
               square of its error over the one that was asked for
 ratio         predicted over measured

@@ -231,14 +231,8 @@ def test_spellings_of_an_error(fake: FakeRender, text: str) -> None:
 
 
 def test_summary_of_a_watched_render(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
-    told = {
-        "spp": 1081,
-        "relative_error": 0.0877526,
-        "standard_error": 0.0037285,
-        "bound": 0.0974157,
-        "confidence": 0.95,
-    }
-    fake.stats["stopping"] = told
+    told = {"relative_error": 0.0877526, "standard_error": 0.0037285, "bound": 0.0974157, "confidence": 0.95}
+    fake.stats["stopping"] = {"spp": 1081, **told}
     assert main(["render", "box.usda", "--target-error", "10%"]) == 0
     summary = capsys.readouterr().err.splitlines()[-1]
     assert "6 x 4, 1081 spp" in summary

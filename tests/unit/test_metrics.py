@@ -58,7 +58,7 @@ def test_estimated_error_is_that_of_the_samples() -> None:
     assert estimated_relative_error(np.zeros((4, 4, 3)), np.zeros((4, 4))) == 0.0
 
 
-# ---- the error that four parts of the samples tell ---------------------------------------------------------------------
+# ---- the error that four parts of the samples tell ------------------------------------------------------------------
 
 
 def noisy_parts(rng: np.random.Generator, truth: np.ndarray, deviation: float, counts: tuple[int, ...]) -> np.ndarray:
@@ -95,16 +95,15 @@ def test_standard_error_is_that_of_the_difference() -> None:
     assert abs(np.mean(differences)) < 4.0 * np.std(differences) / 20.0
 
 
-def test_a_firefly_does_not_hide_in_its_own_brightness() -> None:
-    """One sample of 256 has 10^4 times the pixel's light: error (10^4 / 256)^2 of it, not of what it made of it."""
-    parts = np.full((4, 1, 1, 3), 64.0)
-    parts[2] += 1e4
-    estimate, _ = relative_mse_of_parts(parts, np.full(4, 64))
-    mean = parts.sum(axis=0) / 256.0
-    assert relative_mse(mean, np.ones((1, 1, 3))) == pytest.approx((1e4 / 256) ** 2 / 1.01, rel=1e-3)
-    assert estimate > 0.4  # of the same pixel's brightness it would be 1 at most, and is some 25 where the others judge
-    clean, _ = relative_mse_of_parts(np.full((4, 1, 1, 3), 64.0), np.full(4, 64))
-    assert clean == 0.0
+def test_a_firefly_does_not_hide_behind_its_own_brightness() -> None:
+    """In one of 100 pixels one of 256 samples has 10^4 times the light: three of six pairs of parts differ by it."""
+    parts = np.full((4, 10, 10, 3), 64.0)
+    parts[2, 3, 4] += 1e4
+    squared = (1e4 / 256) ** 2  # of the pixel's mean; half of the pairs, each for 16 / 8 of it
+    mean = 1.0 + 1e4 / 256 / 100
+    expected = squared / (1.0 + (0.1 * mean) ** 2) / 100
+    assert relative_mse_of_parts(parts, np.full(4, 64))[0] == pytest.approx(expected)
+    assert expected > 10.0, "relative to the mean it would be 0.01 at most, one pixel in a hundred"
 
 
 def test_a_black_picture_has_no_relative_error() -> None:
