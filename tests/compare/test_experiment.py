@@ -77,6 +77,15 @@ def test_learning_is_told(fake: FakeRender) -> None:
     )
 
 
+def test_rejected_samples_are_counted_and_warned_of(fake: FakeRender) -> None:
+    """Three repeats of three budgets and of the equal time, with 2 each."""
+    assert compared(BALANCE)["methods"]["balance"]["rejected_samples"] == 0
+    fake.rejected = 2
+    summary = compared(BALANCE)
+    assert summary["methods"]["balance"]["rejected_samples"] == 2 * 3 * (3 + 1)
+    assert "balance: 24 samples were not finite and are in no picture" in summary["warnings"]
+
+
 def test_a_method_against_itself(fake: FakeRender) -> None:
     """Nine turns: that all of them lie on one side of 1 has a chance of 0.4 %, and the seeds are fixed."""
     fake.jitter = 0.2
