@@ -81,7 +81,8 @@ class RenderResult:
 
     def __repr__(self) -> str:
         height, width, _ = self.image.shape
-        settings = f"{self.settings.get('method', '?')}, {self.settings.get('spp', '?')} spp"
+        spp = self.stats.get("stopping", self.settings).get("spp", "?")
+        settings = f"{self.settings.get('method', '?')}, {spp} spp"
         return f"RenderResult({self.name}, {width} x {height}, {settings})"
 
     def _repr_html_(self) -> str:

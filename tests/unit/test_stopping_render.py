@@ -57,6 +57,7 @@ def test_the_result_tells_its_error_and_progress_how_long_it_takes() -> None:
     told = result.stats["stopping"]
     assert result.relative_error() == told["relative_error"] < told["bound"] <= 0.1
     assert told["reason"] == "target error"
+    assert repr(result).endswith(f"auto, {told['spp']} spp)")
     watched = [report for report in seen if report.relative_error is not None]
     assert watched and all(report.total <= result.stats["samples"] * 4 for report in watched)
 
