@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from compare.fakes import HEIGHT, SCENE, TRUTH, WIDTH, FakeRender
 
 import warpmis
+from warpmis.compare import measure
 from warpmis.compare.measure import Settings, run_experiment
 from warpmis.compare.plan import affordable_spp, ladder
 from warpmis.compare.reference import read_reference
@@ -93,6 +95,16 @@ def test_a_method_against_itself(fake: FakeRender) -> None:
     efficiency = compared(BALANCE, again, repeats=9)["methods"]["again"]["efficiency"]
     assert efficiency["low"] < 1.0 < efficiency["high"]
     assert efficiency["median"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_rendered_method_against_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine turns of real renders, timed by their samples: the same method has an efficiency of 1 within its range."""
+    monkeypatch.setattr(measure, "tracing_seconds", lambda stats: 1e-5 * stats["samples"])
+    again = Variant("again", {"method": "balance"})
+    experiment = run_experiment(scenes.room(pixels=16), [BALANCE, again], Settings(spp=32, repeats=9))
+    efficiency = summarize(experiment, "room")["methods"][1]["efficiency"]
+    assert efficiency["low"] < 1.0 < efficiency["high"]
+    assert efficiency["median"] == pytest.approx(1.0, abs=0.25)
 
 
 def test_bias_is_told_from_noise(fake: FakeRender) -> None:
