@@ -8,13 +8,14 @@ picture, and each further one a method's allocation above its efficiency, pixel 
 shares, orange where it loses (full colour at factors of 8). OUT/figures.md has the efficiencies of whole pictures.
 
 efficiency    1 / (variance x time) over that of equal shares of the same strategies (Veach 1997, equation 2.19): the
-              variance of a sample's luminance relative to the pixel's, the time of a sample with learning in it; times
-              are right on a machine with nothing else to do, and rounds of few samples learn nothing good
+              variance of a sample's luminance relative to the pixel's, and the processor time of a sample with learning
+              in it. Rounds of few samples learn nothing good.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,7 +58,7 @@ class Figure:
 
 MURRAY = "murray20"
 FIGURES = {
-    1: Figure(("ajar_door",), (Column("sbert19"), Column(MURRAY), Column(MURRAY, THREE)), learn=2),
+    1: Figure(("open_terrace",), (Column("sbert19"), Column(MURRAY), Column(MURRAY, THREE)), learn=2),
     2: Figure(("ajar_door", "open_terrace"), (Column("lpg13", rounds=1), Column("sbert19"))),
     3: Figure(("ajar_door", "open_terrace", "veach_plates"), (Column(MURRAY, rounds=1), Column(MURRAY))),
     4: Figure(
@@ -67,25 +68,35 @@ FIGURES = {
 }
 
 
-def cost(result: warpmis.RenderResult) -> float:
-    """Seconds of a sample, learning included."""
-    seconds = result.stats["seconds"]
-    return (seconds["learn"] + seconds["render"]) / result.stats["samples"]
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """A render and the processor seconds of one of its samples, learning included."""
+
+    result: warpmis.RenderResult
+    cost: float
 
 
-def efficiency(result: warpmis.RenderResult, baseline: warpmis.RenderResult) -> tuple[float, NDArray[np.float64]]:
+def timed(scene: warpmis.Scene, **settings: object) -> Timed:
+    """Render, with a few pixels first so that no compilation is in the time."""
+    warpmis.render(scene, **{**settings, "width": 4})
+    start = time.process_time()
+    result = warpmis.render(scene, **settings)
+    return Timed(result, (time.process_time() - start) / result.stats["samples"])
+
+
+def efficiency(ours: Timed, baseline: Timed) -> tuple[float, NDArray[np.float64]]:
     """Of the whole picture, and per pixel with both variances averaged over 5 x 5 pixels, shape (H, W)."""
-    scale = squared_scale(baseline.image)
-    ours, theirs = (one.variance / scale for one in (result, baseline))
-    time = cost(baseline) / cost(result)
-    whole = time * without_outliers(theirs).mean() / without_outliers(ours).mean()
-    return float(whole), time * (box_mean(theirs) + 1e-9) / (box_mean(ours) + 1e-9)
+    scale = squared_scale(baseline.result.image)
+    variances = [np.asarray(one.result.variance / scale, np.float64) for one in (ours, baseline)]
+    dearer = ours.cost / baseline.cost
+    whole = [without_outliers(variance).mean() for variance in variances]
+    pixels = [box_mean(np.minimum(variance, np.quantile(variance, 0.99))) + 1e-9 for variance in variances]
+    return float(whole[1] / whole[0] / dearer), pixels[1] / pixels[0] / dearer
 
 
-def box_mean(values: NDArray[np.floating], radius: int = 2) -> NDArray[np.float64]:
-    padded = np.pad(np.asarray(values, np.float64), radius, mode="edge")
+def box_mean(values: NDArray[np.float64], radius: int = 2) -> NDArray[np.float64]:
     side = 2 * radius + 1
-    return np.lib.stride_tricks.sliding_window_view(padded, (side, side)).mean(axis=(2, 3))
+    return np.lib.stride_tricks.sliding_window_view(np.pad(values, radius, mode="edge"), (side, side)).mean(axis=(2, 3))
 
 
 def row(number: int, name: str, arguments: argparse.Namespace) -> tuple[NDArray[np.uint8], list[str]]:
@@ -95,15 +106,16 @@ def row(number: int, name: str, arguments: argparse.Namespace) -> tuple[NDArray[
     width = round(arguments.height * scene.resolution[0] / scene.resolution[1])
     settings = {"width": width, "spp": arguments.spp}
     strategies = dict.fromkeys(column.strategies for column in figure.columns)
-    equal = {some: warpmis.render(scene, method="balance", strategies=some, **settings) for some in strategies}
-    picture = to_display(equal[TWO].image, exposure_for(equal[TWO].image))
+    equal = {some: timed(scene, method="balance", strategies=some, **settings) for some in strategies}
+    image = equal[TWO].result.image
+    picture = to_display(image, exposure_for(image))
     cells = [] if number == 1 else [np.concatenate([picture, np.full_like(picture, 255)])]
     lines = []
     for column in figure.columns:
         learn = {"learn_rounds": column.rounds, "learn_spp": figure.learn * arguments.learn_spp}
-        result = warpmis.render(scene, method=column.method, strategies=column.strategies, **settings, **learn)
-        whole, pixels = efficiency(result, equal[column.strategies])
-        shares = balance_map(result.allocation, result.strategies)
+        ours = timed(scene, method=column.method, strategies=column.strategies, **settings, **learn)
+        whole, pixels = efficiency(ours, equal[column.strategies])
+        shares = balance_map(ours.result.allocation, column.strategies)
         cells.append(with_corner(picture, shares) if number == 1 else np.concatenate([shares, ratio_map(pixels)]))
         lines.append(f"| {number} | {name} | {column.label} | {whole:.2f} |")
         print(lines[-1], flush=True)
@@ -111,9 +123,9 @@ def row(number: int, name: str, arguments: argparse.Namespace) -> tuple[NDArray[
 
 
 def with_corner(picture: NDArray[np.uint8], shares: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture with every second pixel of the allocation in its top left corner."""
+    """The picture with every third pixel of the allocation in its top left corner."""
     framed = picture.copy()
-    small = shares[::2, ::2]
+    small = shares[::3, ::3]
     framed[: len(small) + GAP, : small.shape[1] + GAP] = 255
     framed[: len(small), : small.shape[1]] = small
     return framed
