@@ -132,9 +132,12 @@ class Watch:
 
     def stats(self) -> dict[str, Any]:
         """For RenderResult.stats."""
-        estimate = self.estimate
-        known = {} if estimate is None else {**vars(estimate), "confidence": CONFIDENCE}
-        return {"reason": self.reason, "spp": self.spp, "needed_spp": self.needed_spp(), **known}
+        told: dict[str, Any] = {"reason": self.reason, "spp": self.spp}
+        if self.estimate is not None:
+            told |= {**vars(self.estimate), "confidence": CONFIDENCE}
+        if math.isfinite(self.target_spp):
+            told["target_spp"] = math.ceil(self.target_spp)
+        return told
 
     def notes(self) -> tuple[str, ...]:
         """What a reader of the error has to know, a line each."""
@@ -164,7 +167,7 @@ class Watch:
 
     def _cost(self) -> float:
         """Seconds of one sample per pixel."""
-        return self.seconds() / max(self.spp, 1)
+        return max(self.seconds(), 1e-9) / max(self.spp, 1)
 
     def _next_spp(self) -> int:
         """Samples per pixel after the next step: twice as many, or what the target needs, or what the time allows."""

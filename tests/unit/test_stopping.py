@@ -84,6 +84,8 @@ def test_the_ceiling_is_told() -> None:
     assert (run.watch.reason, run.watch.spp) == ("samples", 500)
     (note,) = (note for note in run.watch.notes() if "stopped by" in note)
     assert note.startswith("stopped by the limit of 500 samples per pixel before the target error: it is 4.")
+    assert 2500 < run.watch.stats()["target_spp"] < 3500
+    assert f"would take about {run.watch.target_spp:.0f} samples" in note
 
 
 @pytest.mark.parametrize("cost", [0.001, 0.3, 7.0])

@@ -192,8 +192,8 @@ def _pixels(
         for name, image, flip, point in versions:
             if image is not None:
                 error, seconds = percent(point["relative_error"]["median"]), point["seconds"]["median"]
-                told = (error, f"{point['spp']} spp", seconds_text(seconds))
-                about = " · ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in told)
+                parts = (error, f"{point['spp']} spp", seconds_text(seconds))
+                about = " · ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in parts)
                 uri = None if flip is None else png_uri(flip)
                 images.append({"label": method.label, "set": name, "about": about, "data": packed(image), "flip": uri})
     width, height = summary["resolution"]
