@@ -90,7 +90,8 @@ def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.intege
 
         standard error^2 = sum (r^2 - mean r_ij r_kl + mean r_ij^2 - mean r_ij r_kl) / pixels^2
 
-    what relMSE leaves out counting as the largest that it keeps.
+    what relMSE leaves out counting as the largest that it keeps. For normal noise that is exact; for fireflies it is too
+    large, since the same ones are in the estimate and in the picture.
 
     Reference: Rousselle, Knaus, Zwicker (2012), for the noise of a picture from that of its parts.
 
@@ -116,6 +117,6 @@ def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.intege
     kept = np.argsort(r, axis=None)[: r.size - int(OUTLIERS * r.size)]
     chance = (r**2 + squares - 2.0 * products).ravel()[kept]
     total = chance.sum() + (r.size - kept.size) * chance[-1]
-    # Few pixels may have more in common than chance would; the estimate's own squares are the least.
+    # In a handful of pixels the difference may happen to be small, or negative.
     least = (r.ravel()[kept] ** 2).sum()
     return float(r.ravel()[kept].mean()), float(np.sqrt(max(total, least)) / r.size)

@@ -95,6 +95,21 @@ def test_standard_error_is_that_of_the_difference() -> None:
     assert abs(np.mean(differences)) < 4.0 * np.std(differences) / 20.0
 
 
+@pytest.mark.parametrize("fireflies", [0.05, 1.0])
+def test_standard_error_covers_fireflies(fireflies: float) -> None:
+    """So many of 64 samples, on average, have 20 times the light: the claim is no smaller than the scatter."""
+    rng = np.random.default_rng(5)
+    truth = np.full((20, 20, 3), (64.0 + 20.0 * fireflies) / 64.0)
+    differences, spreads = [], []
+    for _ in range(300):
+        grey = 64.0 + 2.0 * rng.standard_normal((4, 20, 20, 1)) + 20.0 * rng.poisson(fireflies, (4, 20, 20, 1))
+        parts = np.repeat(grey, 3, axis=3)
+        estimate, spread = relative_mse_of_parts(parts, np.full(4, 64))
+        differences.append(estimate - relative_mse(parts.sum(axis=0) / 256.0, truth))
+        spreads.append(spread)
+    assert np.std(differences) < np.mean(spreads) < 2.5 * np.std(differences)
+
+
 def test_a_firefly_does_not_hide_behind_its_own_brightness() -> None:
     """In one of 100 pixels one of 256 samples has 10^4 times the light: three of six pairs of parts differ by it."""
     parts = np.full((4, 10, 10, 3), 64.0)
