@@ -21,10 +21,17 @@ def test_prediction_in_a_room() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cornell_box", "ajar_door", "veach_plates", "open_terrace"])
-def test_prediction_in_our_scenes(name: str) -> None:
-    """From 5 % to 1 %; from 25 % to 5 % where the light comes through a chink, and 1 % would take hours."""
-    worse, better = (0.25, 0.05) if name == "ajar_door" else (0.05, 0.01)
-    scene = warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=32)
+@pytest.mark.parametrize(
+    ("name", "width", "worse", "better"),
+    [
+        ("cornell_box", 32, 0.05, 0.01),
+        ("veach_plates", 64, 0.05, 0.01),
+        ("open_terrace", 48, 0.05, 0.01),
+        # Where the light comes through a chink, 1 % takes two million samples per pixel.
+        ("ajar_door", 32, 0.25, 0.05),
+    ],
+)
+def test_prediction_in_our_scenes(name: str, width: int, worse: float, better: float) -> None:
+    scene = warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=width)
     predicted, measured = prediction(scene, worse, better, seed=0)
     assert predicted == pytest.approx(measured, rel=WITHIN)
