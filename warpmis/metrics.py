@@ -90,8 +90,8 @@ def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.intege
 
         standard error^2 = sum (r^2 - mean r_ij r_kl + mean r_ij^2 - mean r_ij r_kl) / pixels^2
 
-    what relMSE leaves out counting as the largest that it keeps. Of normal noise that is exact; with fireflies it is too
-    large, since those in the picture are those in the estimate.
+    what relMSE leaves out counting as the largest that it keeps. That is exact for normal noise; with fireflies it is
+    too large, since those in the picture are those in the estimate.
 
     Reference: Rousselle, Knaus, Zwicker (2012), for the noise of a picture from that of its parts.
 
