@@ -39,7 +39,6 @@ def holds(broken: int) -> bool:
         pytest.param("cornell_box", 0.1, marks=pytest.mark.slow),
         pytest.param("ajar_door", 0.3, marks=pytest.mark.slow),
         pytest.param("veach_plates", 0.05, marks=pytest.mark.slow),
-        pytest.param("open_terrace", 0.1, marks=pytest.mark.slow),
     ],
 )
 def test_the_error_is_what_it_is_said_to_be(name: str, target: float) -> None:
@@ -61,4 +60,3 @@ def test_the_error_is_what_it_is_said_to_be(name: str, target: float) -> None:
     assert holds(broken), found
     assert holds(outside), found
     assert errors.mean() == pytest.approx(estimates.mean(), rel=0.1), found
-    assert np.mean([one["bound"] for one in told]) > 0.85 * target, "and it stops soon after it may"

@@ -26,12 +26,12 @@ def test_prediction_in_a_room() -> None:
     [
         ("cornell_box", 32, 0.05, 0.01),
         ("veach_plates", 64, 0.05, 0.01),
-        ("open_terrace", 48, 0.05, 0.01),
         # Where the light comes through a chink, 1 % takes two million samples per pixel.
         ("ajar_door", 32, 0.25, 0.05),
     ],
 )
 def test_prediction_in_our_scenes(name: str, width: int, worse: float, better: float) -> None:
+    """Not in open_terrace, whose rare bright paths a run to the worse error has not met (docs/stopping.md)."""
     scene = warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=width)
     predicted, measured = prediction(scene, worse, better, seed=0)
     assert predicted == pytest.approx(measured, rel=WITHIN)
