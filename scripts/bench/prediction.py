@@ -8,7 +8,7 @@ measured      what a run with another seed takes to get there, to the digit: the
 ratio         predicted over measured
 
 Both in samples, not in seconds, and so free of whatever else the machine does: a sample costs the same from first to
-last (CPU time of one thread per sample, early and late, is the last column).
+last. The last column is the processor time of both runs.
 """
 
 from __future__ import annotations
