@@ -33,13 +33,14 @@ ALLOWED: dict[str, set[str]] = {
     "device": {"scene", "light_control", "texture", "features", "film", "errors"},
     "kernels": {"features", "device.views"},
     "learn": {"config", "methods", "device.views", "features", "kernels", "errors"},
+    "stopping": {"config", "learn.schedule", "metrics"},
     "integrator": {"config", "device", "errors", "features", "film", "kernels", "learn", "metrics"},
     "output": {"film", "errors"},
     "result": {"output", "film", "errors", "metrics", ""},
     "motion": {"config", "errors", "result"},
     "rendering": {
         "config", "device", "errors", "features", "film", "integrator", "learn", "motion", "progress", "result",
-        "scene", "usd",
+        "scene", "stopping", "usd",
     },
     "compare": {"config", "methods", "errors", "metrics", "output", "progress", ""},
     "cli": {

@@ -105,17 +105,22 @@ class Integrator:
         self.learn_film = allocate_film(self.pixels if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
 
-    def trace(self, part: Round, advance: Callable[[int], None]) -> None:
-        """Trace one round. `advance` is told the number of pixel samples of each launch that is done."""
-        self.learner.begin_round(part.learn)
+    def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
+        """Trace one round, or a piece of its samples; the pieces in turn are the round.
+
+        `advance` is told the number of pixel samples of each launch that is done.
+        """
+        samples = piece or range(part.first_sample, part.first_sample + part.samples)
+        if samples.start == part.first_sample:
+            self.learner.begin_round(part.learn)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
-            self._launch(part, *job)
+            self._launch(part, samples, *job)
             with lock:
-                advance(job[1] * part.samples)
+                advance(job[1] * len(samples))
 
-        self._run(launch, self._jobs(part))
+        self._run(launch, self._jobs(len(samples)))
 
     def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
         """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
@@ -132,17 +137,18 @@ class Integrator:
                     future.result()
                 pending |= {pool.submit(launch, job) for job in islice(jobs, len(done))}
 
-    def _jobs(self, part: Round) -> Iterator[tuple[int, int]]:
+    def _jobs(self, samples: int) -> Iterator[tuple[int, int]]:
         """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread."""
         size = GPU_LAUNCH if self.is_cuda else CPU_LAUNCH
-        return self._stretches(max(1, size // part.samples))
+        return self._stretches(max(1, size // samples))
 
     def _stretches(self, pixels: int) -> Iterator[tuple[int, int]]:
         for first in range(0, self.pixels, pixels):
             yield first, min(pixels, self.pixels - first)
 
-    def _launch(self, part: Round, first_pixel: int, pixels: int) -> None:
-        inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, part.samples, self.config.seed]
+    def _launch(self, part: Round, samples: range, first_pixel: int, pixels: int) -> None:
+        inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, samples.start, len(samples)]
+        inputs += [self.config.seed]
         stratified = int(self.config.strategy_choice == "stratified")
         learn = LEARN_NOTHING
         if part.learn:
@@ -162,6 +168,11 @@ class Integrator:
             wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
 
         self._run(launch, self._stretches(self.pixels if self.is_cuda else CPU_SOLVER_LAUNCH))
+
+    def color_sums(self) -> NDArray[np.float64]:
+        """Sum of all samples' radiance so far, shape (H, W, 3)."""
+        sums = self.learn_film.color.numpy() + self.film.color.numpy()
+        return sums.reshape(self.height, self.width, 3)
 
     def allocation_map(self) -> NDArray[np.float32]:
         """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""

@@ -15,14 +15,15 @@ from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.compilation import Compilation, load_kernels
 from warpmis.device.film import download_film
 from warpmis.device.upload import upload
-from warpmis.errors import Interrupted
+from warpmis.errors import ConfigError, Interrupted
 from warpmis.features import Features, detect
 from warpmis.integrator import Integrator, allocation_of, kernels_of
-from warpmis.learn.schedule import schedule
+from warpmis.learn.schedule import Round, schedule
 from warpmis.motion import averaged, divided, shutter_times
 from warpmis.progress import Progress
 from warpmis.result import RenderResult
 from warpmis.scene import Scene
+from warpmis.stopping import Watch
 
 # At most so often is progress reported [s].
 REPORT_SECONDS = 0.1
@@ -88,6 +89,8 @@ def render(
             session_layer=session_layer,
         )
 
+    if config.target_error is not None and shutter_samples > 1:
+        raise ConfigError("a target error is for one time within the shutter: drop the shutter samples, or set spp")
     scene = scene_at(time)
     opens, closes = scene.camera.shutter
     if shutter_samples > 1 and opens < closes:
@@ -188,11 +191,14 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     rounds = schedule(config)
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
+    watch = reporter.watch = Watch(config, scene.resolution, reporter.tracing_seconds) if config.stops else None
     maps = []
     try:
         for number, part in enumerate(rounds, start=1):
             reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
-            integrator.trace(part, reporter.advance)
+            trace(part, integrator, reporter)
+            if watch is not None and watch.stopped:
+                break
             if part.learn:
                 integrator.solve()
                 if config.learn.keep_maps:
@@ -205,7 +211,21 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
         scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
         raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None
     reporter.phase("done")
+    if watch is not None:
+        scene = dataclasses.replace(scene, notes=(*scene.notes, *watch.notes()))
     return result_of(scene, config, features, integrator, reporter, maps)
+
+
+def trace(part: Round, integrator: Integrator, reporter: Reporter) -> None:
+    """One round, at once or as far as it is watched."""
+    watch = reporter.watch
+    if watch is None:
+        integrator.trace(part, reporter.advance)
+        return
+    for index, piece in watch.pieces(part):
+        reporter.total = watch.needed_spp() * integrator.pixels
+        integrator.trace(part, reporter.advance, piece)
+        watch.add(index, piece, integrator.color_sums())
 
 
 def result_of(
@@ -233,6 +253,7 @@ def result_of(
         "rays_per_second": rays / traced if traced > 0.0 else 0.0,
         "next_event_pixels": integrator.next_event_share(),
         **integrator.certificate(spread.variance(), film.image()),
+        **({"stopping": reporter.watch.stats()} if reporter.watch is not None else {}),
         "triangles": len(scene.geometry.triangles),
         "lights": len(scene.lights),
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
@@ -275,6 +296,7 @@ class Reporter:
         self.seconds: dict[str, float] = {}
         self.total = 0
         self.done = 0
+        self.watch: Watch | None = None
         self.current = ""
         self.detail = ""
         self.started = self.reported = time.perf_counter()
@@ -296,8 +318,13 @@ class Reporter:
         if now - self.reported > REPORT_SECONDS:
             self.report(now)
 
+    def tracing_seconds(self) -> float:
+        """Time since the first round began [s]."""
+        return time.perf_counter() - self.tracing_since if self.tracing_since else 0.0
+
     def report(self, now: float) -> None:
         self.reported = now
         if self.progress is not None:
-            seconds = now - self.tracing_since if self.tracing_since else 0.0
-            self.progress(Progress(self.current, self.done, self.total, self.done, seconds, self.detail))
+            watched = self.watch.progress() if self.watch is not None else {}
+            seconds = self.tracing_seconds()
+            self.progress(Progress(self.current, self.done, self.total, self.done, seconds, self.detail, **watched))

@@ -63,6 +63,12 @@ def speed_text(samples: int, seconds: float) -> str:
     return f"{samples / max(seconds, 1e-9) / 1e6:.2f} Msamples/s"
 
 
+def error_text(error: float, spread: float) -> str:
+    """A relative error and its standard error, such as "2.31 ± 0.05 %": two digits of the second."""
+    digits = max(0, 1 - math.floor(math.log10(max(100.0 * spread, 1e-6))))
+    return f"{100.0 * error:.{digits}f} ± {100.0 * spread:.{digits}f} %"
+
+
 @contextmanager
 def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
     """A bar on a terminal, which begins with `label`; elsewhere a line if kernels are compiled; None if quiet."""
@@ -84,9 +90,12 @@ def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress
         task = bar.add_task("load", total=None, speed="")
 
         def show(progress: Progress) -> None:
+            error = ""
+            if progress.relative_error is not None and progress.standard_error is not None:
+                error = f"error {error_text(progress.relative_error, progress.standard_error)}"
             bar.update(
                 task,
-                description=f"{label} {progress.phase} {progress.detail}".strip(),
+                description=" ".join(f"{label} {progress.phase} {progress.detail} {error}".split()),
                 completed=progress.done,
                 total=progress.total or None,  # unknown: the bar swings
                 speed=speed_text(progress.samples, progress.seconds) if progress.samples else "",

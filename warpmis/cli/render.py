@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text, start_warp
 from warpmis.cli.explain import explain
 from warpmis.cli.frames import frame_list
 from warpmis.cli.jobs import Job, jobs_of
-from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
+from warpmis.config import CEILING, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 
@@ -88,7 +88,18 @@ def add_stage_options(parser: argparse.ArgumentParser) -> Any:
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to render")
     default = RenderConfig()
-    group.add_argument("--spp", type=int, metavar="N", help=f"samples per pixel, learning included ({default.spp})")
+    group.add_argument(
+        "--spp", type=int, metavar="N",
+        help=f"samples per pixel, learning included ({default.spp}); the most of them with the next two ({CEILING})",
+    )  # fmt: skip
+    group.add_argument(
+        "--target-error", type=_part, metavar="PERCENT",
+        help="render until the relative error of the image is below this, such as 1%% (95%% sure, by its own samples)",
+    )  # fmt: skip
+    group.add_argument(
+        "--time-limit", type=_seconds, metavar="SECONDS",
+        help="render for so long: learning and rendering, without loading and compiling",
+    )  # fmt: skip
     add_kernel_options(group)
     group.add_argument(
         "--allocation", type=_shares, metavar="A,B", help="for --method fixed: each strategy's share, such as 0.5,0.5"
@@ -174,6 +185,29 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _part(text: str) -> float:
+    """0.01 of "1%" or "0.01"."""
+    number, percent, rest = text.strip().partition("%")
+    value = _number(number, text, "no error such as 1% or 0.01") / (100.0 if percent else 1.0)
+    if rest or not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"'{text}' is no error such as 1% or 0.01, above 0 and at most 100%")
+    return value
+
+
+def _seconds(text: str) -> float:
+    value = _number(text, text, "no time in seconds such as 60")
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is no time in seconds such as 60")
+    return value
+
+
+def _number(text: str, whole: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{whole}' is {what}") from None
+
+
 def _time_code(text: str) -> float:
     try:
         code = float(text)
@@ -221,6 +255,8 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
             allocation=arguments.allocation,
             mis_compensation=arguments.mis_compensation,
             seed=arguments.seed,
+            target_error=arguments.target_error,
+            time_limit=arguments.time_limit,
             threads=arguments.threads,
         ),
         **kernel_options(arguments),
@@ -337,4 +373,9 @@ def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: floa
     phases = result.stats["seconds"]
     tracing = phases.get("learn", 0.0) + phases.get("render", 0.0)
     speed = speed_text(result.stats["samples"], tracing)
-    return f"{out}: {width} x {height}, {config.spp} spp, {seconds:.1f} s, {speed}"
+    told = result.stats.get("stopping", {})
+    line = f"{out}: {width} x {height}, {told.get('spp', config.spp)} spp, {seconds:.1f} s, {speed}"
+    if "bound" not in told:
+        return line
+    error = error_text(told["relative_error"], told["standard_error"])
+    return f"{line}, error {error}, below {100.0 * told['bound']:.3g} % by {100.0 * told['confidence']:.0f} %"

@@ -77,6 +77,7 @@ def make_trace(features: Features) -> wp.Kernel:
         scene: SceneView,
         camera: CameraView,
         first_pixel: int,
+        round_start: int,
         first_sample: int,
         samples: int,
         seed: wp.uint32,
@@ -113,7 +114,7 @@ def make_trace(features: Features) -> wp.Kernel:
             ray = camera_ray(camera, key, pixel, u[0], u[1])
             u_strategy = u[2]
             if stratified != 0:
-                u_strategy = rng.golden_ratio(key, first_sample)
+                u_strategy = rng.golden_ratio(key, round_start)
             sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
