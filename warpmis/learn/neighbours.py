@@ -52,7 +52,12 @@ class Neighbours:
         launch(self.pool_line, [*rows, *line, 0, *prior, *own])
 
     def _prior(self, film: FilmView) -> tuple[Any, float]:
-        """The picture's mean relative moments, and how many pixels' samples they count for."""
+        """The picture's mean relative moments, and how many pixels' samples they count for.
+
+        None where a pixel's own are wanted alone.
+        """
+        if self.radius == 0:
+            return self.layout.vec(), 0.0
         inputs = [self.pooled, self.weights, self.width, self.sums, self.counts]
         wp.launch(self.row_sums, dim=self.height, inputs=inputs, device=self.sums.device)
         lit = float(self.counts.numpy().sum())
