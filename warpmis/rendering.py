@@ -213,7 +213,7 @@ def result_of(
         "rays_per_second": rays / traced if traced > 0.0 else 0.0,
         "next_event_pixels": integrator.next_event_share(),
         **integrator.certificate(spread.variance(), film.image()),
-        "triangles": len(scene.geometry.triangles),
+        "triangles": scene.triangle_count,
         "lights": len(scene.lights),
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,

@@ -467,8 +467,8 @@ def test_instances_beyond_32_bit_indices_are_an_error_not_a_crash():
 }}
 """
     assert len(load(text).geometry.triangles) == 48000
-    import warpmis.usd.geometry as geometry
+    import warpmis.usd.placing as placing
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(StageError, match=r"/I/P/C.*flattened"):
-        patch.setattr(geometry, "MAX_ROWS", 10000)
+        patch.setattr(placing, "MAX_ROWS", 10000)
         load(text)

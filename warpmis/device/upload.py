@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import warp as wp
 
 from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
+from warpmis.device.instances import upload_instances
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
 from warpmis.device.order import first_use_order, morton_order
+from warpmis.device.records import records
 from warpmis.device.views import (
     DISTANT,
     DOME,
@@ -26,7 +29,8 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.errors import ConfigError
-from warpmis.scene import Camera, Geometry, Scene
+from warpmis.geometry import Geometry, joined
+from warpmis.scene import Camera, Scene
 
 # Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
 LEAF_SIZE = 4
@@ -55,15 +59,18 @@ def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceS
         ConfigError: the machine lacks the device.
     """
     check_device(device)
-    geometry = ordered(scene.geometry)
-    tables = light_tables(scene, geometry)
+    parts = [ordered(part) for part in scene.parts]
+    tables = light_tables(scene, parts[0])
+    geometry = joined(parts)
+    first = np.cumsum([0, *(len(part.triangles) for part in parts)]).tolist()
     with wp.ScopedDevice(device):
         view = SceneView()
-        mesh = upload_mesh(view, geometry)
+        meshes = upload_meshes(view, geometry, first)
+        instances = upload_instances(view, scene.prototypes, meshes[1:], first[1:-1])
         varying = upload_surfaces(view, scene, geometry, tables)
         lights = upload_lights(view, geometry, tables, mis_compensation)
         camera = camera_view(scene.camera, scene.resolution)
-    return DeviceScene(view, camera, (mesh, *lights, varying))
+    return DeviceScene(view, camera, (*meshes, *instances, *lights, varying))
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -91,29 +98,25 @@ def ordered(geometry: Geometry) -> Geometry:
     )
 
 
-def upload_mesh(view: SceneView, geometry: Geometry) -> wp.Mesh:
-    points = wp.array(geometry.points, dtype=wp.vec3)
-    mesh = wp.Mesh(points, wp.array(geometry.triangles.ravel(), dtype=wp.int32), bvh_leaf_size=LEAF_SIZE)
-    view.mesh = mesh.id
-    view.points = points
+def upload_meshes(view: SceneView, geometry: Geometry, first: list[int]) -> list[wp.Mesh]:
+    """The triangles into the view, and a tree for each of the stretches that begin and end at the rows `first`."""
+    view.points = wp.array(geometry.points, dtype=wp.vec3)
     view.indices = wp.array(geometry.triangles, dtype=wp.vec3i)
     view.normals = wp.array(geometry.normals, dtype=wp.vec3)
-    return mesh
-
-
-def records(dtype: Any, columns: dict[str, Any], count: int) -> wp.array:
-    """An array of structs from one column a field, through the struct's own memory layout."""
-    table = np.zeros(count, dtype=dtype.numpy_dtype())
-    for name, column in columns.items():
-        table[name] = column
-    return wp.array(table, dtype=dtype)
+    corners = wp.array(geometry.triangles.ravel(), dtype=wp.int32)
+    stretches = [corners[3 * start : 3 * end] for start, end in pairwise(first)]
+    meshes = [wp.Mesh(view.points, stretch, bvh_leaf_size=LEAF_SIZE) for stretch in stretches]
+    view.mesh = meshes[0].id
+    return meshes
 
 
 def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> VaryingView | None:
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
-    columns = {"normals": geometry.normal_indices, "material": material, "light": tables.triangle_light}
+    light = np.full(len(geometry.triangles), -1, dtype=np.int32)
+    light[: len(tables.triangle_light)] = tables.triangle_light
+    columns = {"normals": geometry.normal_indices, "material": material, "light": light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
     return upload_materials(view, material_tables(scene), geometry.primvars)
 

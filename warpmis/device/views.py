@@ -225,9 +225,27 @@ class DomeView:
 
 
 @wp.struct
+class InstanceView:
+    """A place of a prototype, whose triangles are the rows of SceneView.triangles from `first_triangle` on.
+
+    linear, translation: a point p of the mesh is at linear p + translation; inverse: of `linear`; prim: in place of
+    SceneView.prims.
+    """
+
+    mesh: wp.uint64
+    first_triangle: int
+    prim: int
+    linear: wp.mat33
+    translation: wp.vec3
+    inverse: wp.mat33
+
+
+@wp.struct
 class SceneView:
     """The whole scene.
 
+    mesh: the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with points and
+    normals in their own spaces. instance_bvh: over the boxes of `instances`, of which there may be none.
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
     a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
     `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls;
@@ -235,6 +253,9 @@ class SceneView:
     """
 
     mesh: wp.uint64
+    instance_bvh: wp.uint64
+    instances: wp.array(dtype=InstanceView)
+    instance_count: int
     points: wp.array(dtype=wp.vec3)
     indices: wp.array(dtype=wp.vec3i)
     normals: wp.array(dtype=wp.vec3)

@@ -1,0 +1,48 @@
+"""Prototypes on the device: a tree over the places, and a mesh for each prototype."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpmis.device.records import records
+from warpmis.device.views import InstanceView, SceneView
+from warpmis.geometry import Prototype
+
+# The boxes are widened by this share of their largest coordinate: float32 carries the triangles to about there.
+MARGIN = 1e-6
+
+
+def upload_instances(
+    view: SceneView, prototypes: Sequence[Prototype], meshes: Sequence[wp.Mesh], first_triangles: Sequence[int]
+) -> tuple[Any, ...]:
+    """The prototypes' places into the view; what it then points into is returned, to be kept alive.
+
+    Args:
+        meshes, first_triangles: of each prototype, the latter its first row in SceneView.triangles.
+    """
+    view.instance_count = sum(len(prototype.prims) for prototype in prototypes)
+    if view.instance_count == 0:
+        return ()
+    counts = [len(prototype.prims) for prototype in prototypes]
+    linear = np.concatenate([prototype.linear for prototype in prototypes])
+    translation = np.concatenate([prototype.translation for prototype in prototypes])
+    columns = {
+        "mesh": np.repeat(np.array([mesh.id for mesh in meshes], np.uint64), counts),
+        "first_triangle": np.repeat(first_triangles, counts),
+        "prim": np.concatenate([prototype.prims for prototype in prototypes]),
+        "linear": linear,
+        "translation": translation,
+        "inverse": np.linalg.inv(linear),
+    }
+    view.instances = records(InstanceView, columns, view.instance_count)
+    low = np.concatenate([prototype.boxes[0] for prototype in prototypes])
+    high = np.concatenate([prototype.boxes[1] for prototype in prototypes])
+    reach = high - low + np.abs(translation)
+    margin = MARGIN * np.maximum(np.maximum(np.abs(low), np.abs(high)), reach).max(axis=1, keepdims=True)
+    tree = wp.Bvh(wp.array(low - margin, dtype=wp.vec3), wp.array(high + margin, dtype=wp.vec3))
+    view.instance_bvh = tree.id
+    return (tree, *meshes)

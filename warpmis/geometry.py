@@ -1,0 +1,129 @@
+"""Triangles: those that stand in world space, and those of prototypes, which stand in many places, in memory once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+# Prototypes' points are carried to world space in batches of about this many, which bounds the scratch memory.
+BATCH_POINTS = 1 << 21
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Triangles in one space: the scene's, or a prototype's own.
+
+    Attributes:
+        points: vertex positions [scene units], shape (V, 3) float32, finite.
+        triangles: vertex indices, counter-clockwise seen from the front, shape (F, 3) int32, in range, F >= 0.
+        normals: unit shading normals, shape (K, 3) float32, on the front side.
+        normal_indices: per triangle corner the row of `normals`, or -1 in all three for a flat triangle,
+            shape (F, 3) int32.
+        materials: per triangle the index into Scene.materials, shape (F,) int32.
+        prims: per triangle the index into Scene.prims, shape (F,) int32.
+        primvars: per triangle corner what the lookups of the triangle's material read, shape (F, 3, P) float32,
+            finite; P is 0 where no material has any.
+    """
+
+    points: Float32Array
+    triangles: Int32Array
+    normals: Float32Array
+    normal_indices: Int32Array
+    materials: Int32Array
+    prims: Int32Array
+    primvars: Float32Array = field(default_factory=lambda: np.zeros((0, 3, 0), np.float32))
+
+    @property
+    def nbytes(self) -> int:
+        return sum(column.nbytes for column in vars(self).values())
+
+
+def joined(parts: Sequence[Geometry]) -> Geometry:
+    """One Geometry of several, their triangles one after the other; without triangles where there are none."""
+    if len(parts) == 1:
+        return parts[0]
+    points_before = np.cumsum([0, *(len(part.points) for part in parts)])
+    normals_before = np.cumsum([0, *(len(part.normals) for part in parts)])
+    triangles_before = np.cumsum([0, *(len(part.triangles) for part in parts)])
+    result = Geometry(
+        points=np.empty((points_before[-1], 3), np.float32),
+        triangles=np.empty((triangles_before[-1], 3), np.int32),
+        normals=np.empty((normals_before[-1], 3), np.float32),
+        normal_indices=np.empty((triangles_before[-1], 3), np.int32),
+        materials=np.empty(triangles_before[-1], np.int32),
+        prims=np.empty(triangles_before[-1], np.int32),
+        primvars=np.zeros((triangles_before[-1], 3, max((p.primvars.shape[-1] for p in parts), default=0)), np.float32),
+    )
+    for number, part in enumerate(parts):
+        rows = slice(triangles_before[number], triangles_before[number + 1])
+        result.points[points_before[number] : points_before[number + 1]] = part.points
+        result.normals[normals_before[number] : normals_before[number + 1]] = part.normals
+        result.triangles[rows] = part.triangles + points_before[number]
+        result.normal_indices[rows] = np.where(
+            part.normal_indices >= 0, part.normal_indices + normals_before[number], -1
+        )
+        result.materials[rows], result.prims[rows] = part.materials, part.prims
+        if part.primvars.size:
+            result.primvars[rows, :, : part.primvars.shape[-1]] = part.primvars
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Prototype:
+    """Triangles that stand in several places and are traced through the places' transforms.
+
+    Attributes:
+        geometry: in the prototype's own space, one triangle at least. None of its materials emits: what shines is
+            flattened, for a light must know its place.
+        linear, translation: of each place, where a point p of the geometry is: linear @ p + translation
+            [scene units], shapes (k, 3, 3) and (k, 3) float64. `linear` is invertible, and may mirror.
+        prims: of each place the index into Scene.prims, shape (k,) int32; it stands for that of the triangles.
+    """
+
+    geometry: Geometry
+    linear: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    prims: Int32Array
+
+    @cached_property
+    def boxes(self) -> Bounds:
+        """Smallest and largest corner of each place's triangles [scene units], shape (k, 3) each."""
+        used = np.zeros(len(self.geometry.points), bool)
+        used[self.geometry.triangles] = True
+        points = self.geometry.points[used].astype(np.float64)
+        low, high = np.empty_like(self.translation), np.empty_like(self.translation)
+        batch = max(1, BATCH_POINTS // len(points))
+        for start in range(0, len(low), batch):
+            rows = slice(start, start + batch)
+            carried = points @ self.linear[rows].reshape(-1, 3).T
+            low[rows] = carried.min(axis=0).reshape(-1, 3)
+            high[rows] = carried.max(axis=0).reshape(-1, 3)
+        return low + self.translation, high + self.translation
+
+
+def boxes(geometry: Geometry, prototypes: Sequence[Prototype]) -> Iterator[Bounds]:
+    """Of what stands in world space, and of each prototype: the boxes that hold it, shape (k, 3) each."""
+    if len(geometry.triangles):
+        used = np.zeros(len(geometry.points), bool)
+        used[geometry.triangles] = True
+        points = geometry.points[used].astype(np.float64)
+        yield points.min(axis=0)[None], points.max(axis=0)[None]
+    for prototype in prototypes:
+        yield prototype.boxes
+
+
+def bounds(geometry: Geometry, prototypes: Sequence[Prototype]) -> Bounds | None:
+    """Smallest and largest corner of all triangles [scene units], shape (3,) each; None where there are none."""
+    found = list(boxes(geometry, prototypes))
+    if not found:
+        return None
+    low, high = (np.concatenate(ends) for ends in zip(*found, strict=True))
+    return low.min(axis=0), high.max(axis=0)
