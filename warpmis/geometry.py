@@ -13,8 +13,10 @@ Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-# Prototypes' points are carried to world space in batches of about this many, which bounds the scratch memory.
-BATCH_POINTS = 1 << 21
+# Prototypes are bounded by the boxes of what lies in the cells of a grid with so many along each axis; these are carried
+# to world space in batches of about so many, which bounds the scratch memory.
+GRID = 8
+BATCH_BOXES = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,26 +97,47 @@ class Prototype:
 
     @cached_property
     def boxes(self) -> Bounds:
-        """Smallest and largest corner of each place's triangles [scene units], shape (k, 3) each."""
-        used = np.zeros(len(self.geometry.points), bool)
-        used[self.geometry.triangles] = True
-        points = self.geometry.points[used].astype(np.float64)
+        """Smallest and largest corner of boxes that hold each place's triangles [scene units], shape (k, 3) each.
+
+        Of what lies in a cell of a grid over the prototype, its box is carried along: less than a cell too large.
+        """
+        center, reach = cells(used_points(self.geometry))
         low, high = np.empty_like(self.translation), np.empty_like(self.translation)
-        batch = max(1, BATCH_POINTS // len(points))
+        batch = max(1, BATCH_BOXES // len(center))
         for start in range(0, len(low), batch):
-            rows = slice(start, start + batch)
-            carried = points @ self.linear[rows].reshape(-1, 3).T
-            low[rows] = carried.min(axis=0).reshape(-1, 3)
-            high[rows] = carried.max(axis=0).reshape(-1, 3)
+            rows = self.linear[start : start + batch].reshape(-1, 3).T
+            carried, around = center @ rows, reach @ np.abs(rows)
+            low[start : start + batch] = (carried - around).min(axis=0).reshape(-1, 3)
+            high[start : start + batch] = (carried + around).max(axis=0).reshape(-1, 3)
         return low + self.translation, high + self.translation
+
+
+def used_points(geometry: Geometry) -> NDArray[np.float64]:
+    """The points that triangles have, shape (n, 3)."""
+    used = np.zeros(len(geometry.points), bool)
+    used[geometry.triangles] = True
+    return geometry.points[used].astype(np.float64)
+
+
+def cells(points: NDArray[np.float64]) -> Bounds:
+    """Centre and half size of the boxes of what lies in each cell of a grid, shape (n, 3) each; the points where there
+    are no more of them than cells."""
+    if len(points) <= GRID**3:
+        return points, np.zeros_like(points)
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    place = np.minimum((points - low) / np.where(extent > 0.0, extent, 1.0) * GRID, GRID - 1).astype(np.int64)
+    cell = place @ np.array([1, GRID, GRID**2])
+    order = np.argsort(cell, kind="stable")
+    starts = np.unique(cell[order], return_index=True)[1]
+    smallest = np.minimum.reduceat(points[order], starts, axis=0)
+    largest = np.maximum.reduceat(points[order], starts, axis=0)
+    return (smallest + largest) / 2.0, (largest - smallest) / 2.0
 
 
 def boxes(geometry: Geometry, prototypes: Sequence[Prototype]) -> Iterator[Bounds]:
     """Of what stands in world space, and of each prototype: the boxes that hold it, shape (k, 3) each."""
     if len(geometry.triangles):
-        used = np.zeros(len(geometry.points), bool)
-        used[geometry.triangles] = True
-        points = geometry.points[used].astype(np.float64)
+        points = used_points(geometry)
         yield points.min(axis=0)[None], points.max(axis=0)[None]
     for prototype in prototypes:
         yield prototype.boxes

@@ -41,8 +41,8 @@ def define_mesh(stage: Usd.Stage, path: str, triangles: int) -> None:
 def places(count: int) -> np.ndarray:
     """Positions on a square lattice, shape (count, 3)."""
     side = math.ceil(math.sqrt(count))
-    row, column = np.divmod(np.arange(count), side)
-    return np.stack([column - side / 2, 0 * row, row - side / 2], axis=-1).astype(np.float32)
+    row, column = np.divmod(np.arange(count), side) - np.float32((side - 1) / 2)
+    return np.stack([column, 0 * row, row], axis=-1)
 
 
 def define_instancer(stage: Usd.Stage, path: str, prototype: str, count: int, spacing: float) -> None:
@@ -87,7 +87,7 @@ def main() -> None:
         path = Path(folder) / "stage.usdc"
         write_stage(path, options.instances, options.triangles, options.native, options.nested)
         command = [sys.executable, "-m", "warpmis", "render", str(path), str(Path(folder) / "out.exr"), "--json"]
-        command += ["--width", "480", "--spp", str(options.spp)] + (["--png", options.png] if options.png else [])
+        command += ["-w", "480", "--spp", str(options.spp)] + (["--png", options.png] if options.png else [])
         start = time.perf_counter()
         output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
         wall = time.perf_counter() - start

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -286,3 +287,16 @@ def test_instances_too_far_away_are_left_out_with_a_warning() -> None:
     scene = loaded(text, 0)
     assert [len(prototype.prims) for prototype in scene.prototypes] == [2, 2]
     assert mentions(scene, "/I/Ball", "1 of its instances", "far")
+
+
+def test_memory_grows_by_the_places_not_by_their_triangles() -> None:
+    text = grid(10_000)
+    tracemalloc.start()
+    scene = load(text)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert scene.instance_count == 10_000
+    flattened = 60 * scene.triangle_count  # bytes: what a Geometry has of each triangle, at least
+    assert flattened > 1e9
+    assert peak < 0.1 * flattened
+    assert sum(part.nbytes for part in scene.parts) < 1e6
