@@ -31,6 +31,10 @@ FLOATS = 0
 BYTES = 1
 SRGB_BYTES = 2
 
+# A picture's texels stand in square blocks with so many along each side, so that the four of one lookup, bytes of 64 in
+# a block, are mostly in one line of the cache.
+BLOCK = 4
+
 # Wrap modes of texture coordinates.
 BLACK = 0
 CLAMP = 1
@@ -101,9 +105,11 @@ class InputsView:
 class LookupView:
     """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
     begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
-    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0."""
+    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0; repeats: 1 where
+    all but `input` and `channel` is as in the row before."""
 
     input: int
+    repeats: int
     column: int
     tile: int
     udim_rows: int
@@ -119,13 +125,15 @@ class LookupView:
 
 @wp.struct
 class TileView:
-    """A picture's texels in VaryingView.texels from `first` on, row by row from the top: a word of red, green, blue and
-    alpha bytes each, or `channels` floats. rows is 0 where a UDIM picture has no tile."""
+    """A picture's texels in VaryingView.texels from `first` on, `blocks` blocks a row, block by block and row by row from
+    the top: a word of red, green, blue and alpha bytes each, or `channels` floats. rows is 0 where a UDIM picture has no
+    tile."""
 
     encoding: int
     first: int
     rows: int
     columns: int
+    blocks: int
     channels: int
 
 

@@ -11,6 +11,7 @@ from warpmis.device.views import (
     DIFFUSE,
     EMISSIVE,
     METALLIC,
+    RGB,
     ROUGHNESS,
     SPECULAR,
     InputsView,
@@ -48,8 +49,14 @@ def make_material(features: Features) -> SimpleNamespace:
         A loop with one lookup in it: a call for each input would be compiled in place nine times.
         """
         i = constant
+        channels = wp.vec4()
         for row in range(i.first_lookup, i.first_lookup + i.lookup_count):
-            value = texture.value(varying, row, triangle, u, v)
+            if varying[0].lookups[row].repeats == 0:
+                channels = texture.value(varying, row, triangle, u, v)
+            value = wp.vec3(channels[0], channels[1], channels[2])
+            channel = varying[0].lookups[row].channel
+            if channel != RGB:
+                value = wp.vec3(channels[channel], channels[channel], channels[channel])
             number = wp.clamp(value[0], 0.0, 1.0)
             which = varying[0].lookups[row].input
             if which == DIFFUSE:
