@@ -13,8 +13,8 @@ Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-# Prototypes are bounded by the boxes of what lies in the cells of a grid with so many along each axis; these are carried
-# to world space in batches of about so many, which bounds the scratch memory.
+# Prototypes are bounded by the boxes of what lies in the cells of a grid with so many along each axis. These are
+# carried to world space in batches of about so many, which bounds the scratch memory.
 GRID = 8
 BATCH_BOXES = 1 << 20
 

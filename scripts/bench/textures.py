@@ -56,7 +56,8 @@ def materials(size: int) -> dict[str, Material]:
     color = TextureLookup(Texture({1001: pixels[..., :3]}, is_srgb=True), **wrap)
     packed = TextureLookup(Texture({1001: pixels}), **wrap)
     rough, metal = (dataclasses.replace(packed, channels=channel) for channel in "gb")
-    bumps = np.dstack([random.integers(118, 138, (size, size, 2), dtype=np.uint8), np.full((size, size), 255, np.uint8)])
+    bumps = random.integers(118, 138, (size, size, 3), dtype=np.uint8)
+    bumps[..., 2] = 255
     normal = TextureLookup(Texture({1001: bumps}), scale=(2.0,) * 4, bias=(-1.0,) * 4, **wrap)
     textured = Material(diffuse_color=color)
     packed_too = dataclasses.replace(textured, roughness=rough, metallic=metal)

@@ -105,8 +105,8 @@ class InputsView:
 class LookupView:
     """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
     begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
-    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0; repeats: 1 where
-    all but `input` and `channel` is as in the row before."""
+    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0; repeats: 1
+    where all but `input` and `channel` is as in the row before."""
 
     input: int
     repeats: int
@@ -125,9 +125,9 @@ class LookupView:
 
 @wp.struct
 class TileView:
-    """A picture's texels in VaryingView.texels from `first` on, `blocks` blocks a row, block by block and row by row from
-    the top: a word of red, green, blue and alpha bytes each, or `channels` floats. rows is 0 where a UDIM picture has no
-    tile."""
+    """A picture's texels in VaryingView.texels from `first` on, block by block, `blocks` of them side by side, and within
+    each row by row from the top: a word of red, green, blue and alpha bytes each, or `channels` floats. rows is 0 where
+    a UDIM picture has no tile."""
 
     encoding: int
     first: int
