@@ -125,9 +125,9 @@ class LookupView:
 
 @wp.struct
 class TileView:
-    """A picture's texels in VaryingView.texels from `first` on, block by block, `blocks` of them side by side, and within
-    each row by row from the top: a word of red, green, blue and alpha bytes each, or `channels` floats. rows is 0 where
-    a UDIM picture has no tile."""
+    """A picture's texels in VaryingView.texels from `first` on, block by block, `blocks` of them side by side, and in each
+    row by row from the top: a word of red, green, blue and alpha bytes each, or `channels` floats. rows is 0 where a UDIM
+    picture has no tile."""
 
     encoding: int
     first: int
