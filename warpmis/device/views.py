@@ -125,9 +125,9 @@ class LookupView:
 
 @wp.struct
 class TileView:
-    """A picture's texels in VaryingView.texels from `first` on, block by block, `blocks` of them side by side, and in each
-    row by row from the top: a word of red, green, blue and alpha bytes each, or `channels` floats. rows is 0 where a UDIM
-    picture has no tile."""
+    """A picture's texels in VaryingView.texels from `first` on, a word of red, green, blue and alpha bytes each, or
+    `channels` floats: `blocks` blocks side by side, one such row after the other from the top, and so within a block.
+    rows is 0 where a UDIM picture has no tile."""
 
     encoding: int
     first: int
