@@ -71,6 +71,7 @@ class RenderConfig:
         device: a Warp device, "cpu" or "cuda:0".
         threads: CPU threads; None takes what the process may use.
         strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
+        ids: also tell which prim, place and face the middle of each pixel sees.
         mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.
         learn: for the methods that learn.
     """
@@ -84,6 +85,7 @@ class RenderConfig:
     mis_compensation: bool = False
     max_depth: int = 8
     seed: int = 0
+    ids: bool = False
     device: str = "cpu"
     threads: int | None = None
     learn: LearnConfig = field(default_factory=LearnConfig)
@@ -140,6 +142,7 @@ class RenderConfig:
             "mis_compensation": int(self.mis_compensation),
             "max_depth": self.max_depth,
             "seed": self.seed,
+            "ids": int(self.ids),
             "device": self.device,
             "threads": self.threads,
             "learn": {

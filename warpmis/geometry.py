@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,8 @@ class Geometry:
         prims: per triangle the index into Scene.prims, shape (F,) int32.
         primvars: per triangle corner what the lookups of the triangle's material read, shape (F, 3, P) float32,
             finite; P is 0 where no material has any.
+        faces: per triangle the face, curve or point of the prim that it came from, shape (F,) int32; or empty.
+        copies: per triangle which of the prim's places it stands in, shape (F,) int32; or empty: all are 0.
     """
 
     points: Float32Array
@@ -42,6 +44,21 @@ class Geometry:
     materials: Int32Array
     prims: Int32Array
     primvars: Float32Array = field(default_factory=lambda: np.zeros((0, 3, 0), np.float32))
+    faces: Int32Array = field(default_factory=lambda: np.zeros(0, np.int32))
+    copies: Int32Array = field(default_factory=lambda: np.zeros(0, np.int32))
+
+    def ordered(self, rows: NDArray[np.int64]) -> Geometry:
+        """The triangles of these rows, in this order, among the same points."""
+        return replace(
+            self,
+            triangles=self.triangles[rows],
+            normal_indices=self.normal_indices[rows],
+            materials=self.materials[rows],
+            prims=self.prims[rows],
+            primvars=self.primvars[rows] if self.primvars.size else self.primvars,
+            faces=self.faces[rows] if self.faces.size else self.faces,
+            copies=self.copies[rows] if self.copies.size else self.copies,
+        )
 
     @property
     def nbytes(self) -> int:
@@ -63,6 +80,8 @@ def joined(parts: Sequence[Geometry]) -> Geometry:
         materials=np.empty(triangles_before[-1], np.int32),
         prims=np.empty(triangles_before[-1], np.int32),
         primvars=np.zeros((triangles_before[-1], 3, max((p.primvars.shape[-1] for p in parts), default=0)), np.float32),
+        faces=np.zeros(triangles_before[-1], np.int32),
+        copies=np.zeros(triangles_before[-1], np.int32),
     )
     for number, part in enumerate(parts):
         rows = slice(triangles_before[number], triangles_before[number + 1])
@@ -73,6 +92,10 @@ def joined(parts: Sequence[Geometry]) -> Geometry:
             part.normal_indices >= 0, part.normal_indices + normals_before[number], -1
         )
         result.materials[rows], result.prims[rows] = part.materials, part.prims
+        if part.faces.size:
+            result.faces[rows] = part.faces
+        if part.copies.size:
+            result.copies[rows] = part.copies
         if part.primvars.size:
             result.primvars[rows, :, : part.primvars.shape[-1]] = part.primvars
     return result
@@ -88,12 +111,14 @@ class Prototype:
         linear, translation: of each place, where a point p of the geometry is: linear @ p + translation
             [scene units], shapes (k, 3, 3) and (k, 3) float64. `linear` is invertible, and may mirror.
         prims: of each place the index into Scene.prims, shape (k,) int32; it stands for that of the triangles.
+        copies: of each place which one of that prim's it is, shape (k,) int32; it stands for that of the triangles.
     """
 
     geometry: Geometry
     linear: NDArray[np.float64]
     translation: NDArray[np.float64]
     prims: Int32Array
+    copies: Int32Array
 
     @cached_property
     def boxes(self) -> Bounds:

@@ -276,13 +276,4 @@ def parts(scene: Scene) -> Iterator[tuple[str, Scene]]:
 
 def _triangles(scene: Scene, rows: NDArray[np.int64]) -> Scene:
     """The scene with some of its triangles in world space alone."""
-    geometry = scene.geometry
-    kept = replace(
-        geometry,
-        triangles=geometry.triangles[rows],
-        normal_indices=geometry.normal_indices[rows],
-        materials=geometry.materials[rows],
-        prims=geometry.prims[rows],
-        primvars=geometry.primvars[rows] if geometry.primvars.size else geometry.primvars,
-    )
-    return replace(scene, geometry=kept, prototypes=())
+    return replace(scene, geometry=scene.geometry.ordered(rows), prototypes=())

@@ -18,6 +18,7 @@ from warpmis.device.film import allocate_film
 from warpmis.device.upload import DeviceScene
 from warpmis.errors import ConfigError
 from warpmis.features import Features
+from warpmis.kernels.identify import make_identify
 from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
@@ -68,6 +69,7 @@ class Integrator:
         self.count = len(features.strategies)
         self.start_allocation = allocation
         self.kernel = make_trace(features)
+        self.features = features.with_strategies(())
         stratified = config.strategy_choice == "stratified"
         size = (self.width, self.height)
         self.learner = Learner(config.how, features.strategies, size, stratified, config.device)
@@ -132,6 +134,19 @@ class Integrator:
         wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
         if self.is_cuda:
             wp.synchronize_device(self.config.device)
+
+    def ids(self) -> NDArray[np.int32]:
+        """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface."""
+        kernel = make_identify(self.features)
+        wp.load_module(kernel.module, device=self.config.device)
+        found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
+
+        def launch(job: tuple[int, int]) -> None:
+            inputs = [self.scene.view, self.scene.camera, job[0], found]
+            wp.launch(kernel, dim=job[1], inputs=inputs, device=self.config.device)
+
+        self._run(launch, self._stretches(GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
+        return found.numpy().reshape(self.height, self.width, 3).copy()
 
     def solve(self) -> None:
         """One step of the method's solver, from the moments of the rounds so far."""

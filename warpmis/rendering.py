@@ -162,7 +162,7 @@ def render_scene(scene: Scene, config: RenderConfig, features: Features | None, 
     width, height = scene.resolution
     strategies = config.strategies if config.method != "nee" else ()
     features = (features or detect(scene)).with_strategies(strategies, config.how.statistics)
-    device_scene = upload(scene, config.device, config.mis_compensation)
+    device_scene = upload(scene, config.device, config.mis_compensation, config.ids)
     reporter.phase("compile")
     integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
     rounds = schedule(config)
@@ -229,6 +229,8 @@ def result_of(
         samples=film.count,
         variance=spread.variance() * np.float32(exposure**2),
         allocation=integrator.allocation_map(),
+        ids=integrator.ids() if config.ids else None,
+        paths=tuple(prim.path for prim in scene.prims) if config.ids else (),
         round_allocations=tuple(maps),
         strategies=config.strategies,
         stats=stats,

@@ -90,7 +90,7 @@ def test_no_ray_meets_the_instances_triangle_that_it_leaves(center: float, size:
     turns = np.linalg.qr(rng.normal(size=(20, 3, 3)))[0]
     linear = size * turns @ np.diag([stretch, 1.0, 1.0]) @ axes
     translation = rng.normal(size=(20, 3)) * size + center
-    prototype = Prototype(soup(points), linear, translation, np.zeros(20, np.int32))
+    prototype = Prototype(soup(points), linear, translation, np.zeros(20, np.int32), np.arange(20, dtype=np.int32))
     room = scenes.room()
     nothing = dataclasses.replace(soup(points[:0]), normals=room.geometry.normals)
     scene = dataclasses.replace(room, geometry=nothing, prototypes=(prototype,))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import warpmis
 from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
@@ -16,9 +17,7 @@ from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
-
-if TYPE_CHECKING:
-    from warpmis.result import RenderResult
+from warpmis.result import IDS, RenderResult
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
@@ -127,6 +126,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
+    group.add_argument("--ids", action="store_true", help="also primId, instanceId and elementId into the EXR")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
 
@@ -192,6 +192,7 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
             mis_compensation=arguments.mis_compensation,
             max_depth=arguments.max_depth,
             seed=arguments.seed,
+            ids=arguments.ids or None,
             device=arguments.device,
             threads=arguments.threads,
         ),
@@ -237,7 +238,8 @@ def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
         options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
-        result = warpmis.render(arguments.stage, config=config, progress=show, **options)
+        asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
+        result = warpmis.render(arguments.stage, config=asked, progress=show, **options)
     report = _finish(result, job, arguments, said)
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))

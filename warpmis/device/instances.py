@@ -34,6 +34,7 @@ def upload_instances(
         "mesh": np.repeat(np.array([mesh.id for mesh in meshes], np.uint64), counts),
         "first_triangle": np.repeat(first_triangles, counts),
         "prim": np.concatenate([prototype.prims for prototype in prototypes]),
+        "copy": np.concatenate([prototype.copies for prototype in prototypes]),
         "linear": linear,
         "translation": translation,
         "inverse": np.linalg.inv(linear),

@@ -52,8 +52,8 @@ def check_device(device: str) -> None:
         raise ConfigError(f"this machine has no device '{device}'; choose from {', '.join(known)}")
 
 
-def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceScene:
-    """Copy a scene to a device and build its trees.
+def upload(scene: Scene, device: str, mis_compensation: bool = False, ids: bool = False) -> DeviceScene:
+    """Copy a scene to a device and build its trees; `ids` for what kernels/identify.py reads.
 
     Raises:
         ConfigError: the machine lacks the device.
@@ -69,6 +69,8 @@ def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceS
         instances = upload_instances(view, scene.prototypes, meshes[1:], first[1:-1])
         varying = upload_surfaces(view, scene, geometry, tables)
         lights = upload_lights(view, geometry, tables, mis_compensation)
+        if ids:
+            upload_ids(view, geometry)
         camera = camera_view(scene.camera, scene.resolution)
     return DeviceScene(view, camera, (*meshes, *instances, *lights, varying))
 
@@ -84,18 +86,12 @@ def ordered(geometry: Geometry) -> Geometry:
             materials=np.zeros(1, dtype=np.int32),
             prims=np.zeros(1, dtype=np.int32),
             primvars=np.zeros((1, 3, 0), dtype=np.float32),
+            faces=np.zeros(0, dtype=np.int32),
+            copies=np.zeros(0, dtype=np.int32),
         )
     order = morton_order(geometry.points, geometry.triangles)
     kept, triangles = first_use_order(geometry.triangles[order], len(geometry.points))
-    return replace(
-        geometry,
-        points=geometry.points[kept],
-        triangles=triangles,
-        normal_indices=geometry.normal_indices[order],
-        materials=geometry.materials[order],
-        prims=geometry.prims[order],
-        primvars=geometry.primvars[order] if geometry.primvars.size else geometry.primvars,
-    )
+    return replace(geometry.ordered(order), points=geometry.points[kept], triangles=triangles)
 
 
 def upload_meshes(view: SceneView, geometry: Geometry, first: list[int]) -> list[wp.Mesh]:
@@ -108,6 +104,14 @@ def upload_meshes(view: SceneView, geometry: Geometry, first: list[int]) -> list
     meshes = [wp.Mesh(view.points, stretch, bvh_leaf_size=LEAF_SIZE) for stretch in stretches]
     view.mesh = meshes[0].id
     return meshes
+
+
+def upload_ids(view: SceneView, geometry: Geometry) -> None:
+    """Which prim each triangle belongs to, which of its faces and which of its places."""
+    none = np.zeros(len(geometry.triangles), dtype=np.int32)
+    view.prims = wp.array(geometry.prims, dtype=int)
+    view.faces = wp.array(geometry.faces if geometry.faces.size else none, dtype=int)
+    view.copies = wp.array(geometry.copies if geometry.copies.size else none, dtype=int)
 
 
 def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> VaryingView | None:

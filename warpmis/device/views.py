@@ -236,13 +236,14 @@ class DomeView:
 class InstanceView:
     """A place of a prototype, whose triangles are the rows of SceneView.triangles from `first_triangle` on.
 
-    linear, translation: a point p of the mesh is at linear p + translation; inverse: of `linear`; prim: in place of
-    SceneView.prims.
+    linear, translation: a point p of the mesh is at linear p + translation; inverse: of `linear`; prim, copy: in place
+    of SceneView.prims and copies.
     """
 
     mesh: wp.uint64
     first_triangle: int
     prim: int
+    copy: int
     linear: wp.mat33
     translation: wp.vec3
     inverse: wp.mat33
@@ -256,7 +257,8 @@ class SceneView:
     normals in their own spaces. instance_bvh: over the boxes of `instances`, of which there may be none.
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
     a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
-    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls;
+    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls or
+    ids are asked for; faces, copies: the same for ids;
     varying: one record, in an array so that the scene stays small: device functions take it by value.
     """
 
@@ -277,6 +279,8 @@ class SceneView:
     delta_light_count: int
     controls: wp.array(dtype=ControlView)
     prims: wp.array(dtype=int)
+    faces: wp.array(dtype=int)
+    copies: wp.array(dtype=int)
     emitter_bvh: wp.uint64
     emitter_triangles: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)

@@ -75,25 +75,27 @@ class Shading:
 
 
 def placed(
-    surface: Surface, shading: Shading, matrices: FloatArray, prims: IntArray
+    surface: Surface, shading: Shading, matrices: FloatArray, prims: IntArray, copies: IntArray
 ) -> tuple[Geometry, NDArray[np.bool_]]:
     """A surface put where each matrix says.
 
     Args:
         matrices: local to world, USD's row-vector convention, shape (k, 4, 4), finite.
-        prims: of each matrix the index into Scene.prims, shape (k,).
+        prims, copies: of each matrix the index into Scene.prims, and which of that prim's places it is, shape (k,).
 
     Returns:
         the triangles, without those that have no area, and which of the places float32 can hold, shape (k,).
     """
     batch = max(1, BATCH_TRIANGLES // max(1, len(surface.triangles)))
     starts = range(0, len(matrices), batch)
-    parts = [_placed_batch(surface, shading, matrices[i : i + batch], prims[i : i + batch]) for i in starts]
+    parts = []
+    for rows in (slice(start, start + batch) for start in starts):
+        parts.append(_placed_batch(surface, shading, matrices[rows], prims[rows], copies[rows]))
     return joined([part for part, _ in parts]), np.concatenate([inside for _, inside in parts])
 
 
 def _placed_batch(
-    surface: Surface, shading: Shading, matrices: FloatArray, prims: IntArray
+    surface: Surface, shading: Shading, matrices: FloatArray, prims: IntArray, copies: IntArray
 ) -> tuple[Geometry, NDArray[np.bool_]]:
     points, inside = placed_points(surface.points, matrices)
     matrices, count = matrices[inside], int(inside.sum())
@@ -112,6 +114,8 @@ def _placed_batch(
         materials=np.tile(shading.materials, count)[keep].astype(np.int32),
         prims=np.repeat(prims[inside], len(surface.triangles))[keep].astype(np.int32),
         primvars=_wound(shading.primvars, is_mirrored(matrices))[keep],
+        faces=np.tile(surface.faces, count)[keep].astype(np.int32),
+        copies=np.repeat(copies[inside], len(surface.triangles))[keep].astype(np.int32),
     ), inside
 
 

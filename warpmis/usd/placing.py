@@ -29,29 +29,29 @@ class Places:
     """A surface and where it stands.
 
     Attributes:
-        blocks: matrices, local to world, USD's row-vector convention, shape (k, 4, 4), and of each the index into
-            GeometryBuilder.prims, shape (k,).
+        blocks: matrices, local to world, USD's row-vector convention, shape (k, 4, 4), of each the index into
+            GeometryBuilder.prims, shape (k,), and which of that prim's places it is, shape (k,).
     """
 
     surface: Surface
     shading: Shading
-    blocks: list[tuple[FloatArray, IntArray]] = field(default_factory=list)
+    blocks: list[tuple[FloatArray, IntArray, IntArray]] = field(default_factory=list)
 
     def add(self, matrices: FloatArray, prim: int) -> None:
-        self.blocks.append((matrices, np.full(len(matrices), prim)))
+        self.blocks.append((matrices, np.full(len(matrices), prim), np.arange(len(matrices))))
 
     @property
     def count(self) -> int:
-        return sum(len(prims) for _, prims in self.blocks)
+        return sum(len(prims) for _, prims, _ in self.blocks)
 
     @property
     def copies(self) -> int:
         """How many more triangles there are when the surface is flattened."""
         return (self.count - 1) * len(self.surface.triangles)
 
-    def joined(self) -> tuple[FloatArray, IntArray]:
-        matrices, prims = zip(*self.blocks, strict=True)
-        return np.concatenate(matrices), np.concatenate(prims)
+    def joined(self) -> tuple[FloatArray, IntArray, IntArray]:
+        matrices, prims, copies = zip(*self.blocks, strict=True)
+        return np.concatenate(matrices), np.concatenate(prims), np.concatenate(copies)
 
 
 @dataclass(eq=False)
@@ -78,7 +78,9 @@ class GeometryBuilder:
         number = len(self.prims)
         self.prims.append(prim)
         if len(matrices) == 1 and not is_shared:
-            self.parts.append(self._flattened(Places(surface, shading, [(matrices, np.array([number]))])))
+            places = Places(surface, shading)
+            places.add(matrices, number)
+            self.parts.append(self._flattened(places))
             return
         key = (id(surface), digest(shading))
         if key not in self.shared:
@@ -111,20 +113,20 @@ class GeometryBuilder:
         return joined(flat), tuple(prototypes)
 
     def _flattened(self, places: Places) -> Geometry:
-        matrices, prims = places.joined()
-        geometry, inside = placed(places.surface, places.shading, matrices, prims)
+        matrices, prims, copies = places.joined()
+        geometry, inside = placed(places.surface, places.shading, matrices, prims, copies)
         self._warn_of_distant(prims, inside)
         return geometry
 
     def _divided(self, places: Places) -> tuple[Prototype | None, Places]:
         """The places that rays can be carried through, and the rest."""
-        surface, (matrices, prims) = places.surface, places.joined()
+        surface, (matrices, prims, copies) = places.surface, places.joined()
         low, high = surface.points.min(axis=0), surface.points.max(axis=0)
         center = (low + high) / 2.0
         # About its middle, so that float32 loses the least.
         about_center = np.eye(4)[None].copy()
         about_center[0, 3, :3] = -center
-        geometry, inside = placed(surface, places.shading, about_center, prims[:1])
+        geometry, inside = placed(surface, places.shading, about_center, prims[:1], copies[:1])
         through = stretch(matrices) < MAX_STRETCH
         if not len(geometry.triangles) or not through.any():
             return None, places
@@ -133,8 +135,14 @@ class GeometryBuilder:
         inside = (np.abs(translation) + reach < MAX_COORDINATE).all(axis=1)
         self._warn_of_distant(prims[through], inside[through])
         kept = through & inside
-        prototype = Prototype(geometry, linear[kept].swapaxes(1, 2), translation[kept], prims[kept].astype(np.int32))
-        rest = Places(surface, places.shading, [(matrices[~through], prims[~through])])
+        prototype = Prototype(
+            geometry=geometry,
+            linear=linear[kept].swapaxes(1, 2),
+            translation=translation[kept],
+            prims=prims[kept].astype(np.int32),
+            copies=copies[kept].astype(np.int32),
+        )
+        rest = Places(surface, places.shading, [(matrices[~through], prims[~through], copies[~through])])
         return (prototype if kept.any() else None), rest
 
     def _warn_of_distant(self, prims: IntArray, inside: NDArray[np.bool_]) -> None:
