@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.film import download_film
+from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.device.upload import upload
 from warpmis.errors import Interrupted
 from warpmis.features import Features, detect
@@ -45,6 +46,7 @@ def render(
     session_layer: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | None = None,
     features: Features | None = None,
+    uploads: Uploads | None = None,
     **settings: Any,
 ) -> RenderResult:
     """Render a stage.
@@ -58,6 +60,7 @@ def render(
         shutter_samples: at how many times within the camera's shutter interval the stage is read, for motion blur.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
+        uploads: what an earlier render put on the device, to be used again where it is the same.
 
     Raises:
         ConfigError: a setting cannot be honoured.
@@ -70,7 +73,7 @@ def render(
     reporter = Reporter(progress)
     reporter.phase("load")
     if isinstance(stage, Scene):
-        return render_scene(resized(stage, config.width), config, features, reporter)
+        return render_scene(resized(stage, config.width), config, features, reporter, uploads)
 
     def scene_at(code: float | None) -> Scene:
         return load(
@@ -90,11 +93,11 @@ def render(
     scene = scene_at(time)
     opens, closes = scene.camera.shutter
     if shutter_samples > 1 and opens < closes:
-        return render_shutter(scene, scene_at, config, features, progress, shutter_samples)
+        return render_shutter(scene, scene_at, config, features, progress, shutter_samples, uploads or Uploads())
     if opens < closes:
         note = "the camera's shutter stays open, but there is one time in it alone: ask for more shutter samples"
         scene = dataclasses.replace(scene, notes=(*scene.notes, note))
-    return render_scene(scene, config, features, reporter)
+    return render_scene(scene, config, features, reporter, uploads)
 
 
 def render_shutter(
@@ -104,6 +107,7 @@ def render_shutter(
     features: Features | None,
     progress: ProgressCallback | None,
     count: int,
+    uploads: Uploads,
 ) -> RenderResult:
     """The mean of renders at `count` times within the shutter's interval; each reads the whole stage again."""
     results: list[RenderResult] = []
@@ -112,7 +116,7 @@ def render_shutter(
         reporter = Reporter(progress)
         try:
             reporter.phase("load", f"time {code:g}")
-            results.append(render_scene(scene_at(code), part, features, reporter))
+            results.append(render_scene(scene_at(code), part, features, reporter, uploads))
         except KeyboardInterrupt as stop:
             results += [stop.result] if isinstance(stop, Interrupted) else []
             if not results:
@@ -157,12 +161,14 @@ def resized(scene: Scene, width: int | None) -> Scene:
     return dataclasses.replace(scene, resolution=(width, height))
 
 
-def render_scene(scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter) -> RenderResult:
+def render_scene(
+    scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None = None
+) -> RenderResult:
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
     strategies = config.strategies if config.method != "nee" else ()
     features = (features or detect(scene)).with_strategies(strategies, config.how.statistics)
-    device_scene = upload(scene, config.device, config.mis_compensation, config.ids)
+    device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
     reporter.phase("compile")
     integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
     rounds = schedule(config)

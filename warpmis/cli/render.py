@@ -8,7 +8,7 @@ import json
 import math
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import warpmis
 from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
@@ -18,6 +18,9 @@ from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConf
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 from warpmis.result import IDS, RenderResult
+
+if TYPE_CHECKING:
+    from warpmis.rendering import Uploads
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
@@ -220,11 +223,14 @@ def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
     jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
+    from warpmis.rendering import Uploads  # here, for it loads Warp
+
+    uploads = Uploads() if len(jobs) > 1 else None
     said: set[str] = set()
     reports: list[dict[str, Any]] = []
     try:
         for job in jobs:
-            reports.append(_render(job, arguments, config, said))
+            reports.append(_render(job, arguments, config, uploads, said))
     except Interrupted as stop:
         reports.append(_finish(stop.result, jobs[len(reports)], arguments, said))
         raise
@@ -234,12 +240,14 @@ def run(arguments: argparse.Namespace) -> None:
             print(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
 
 
-def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said: set[str]) -> dict[str, Any]:
+def _render(
+    job: Job, arguments: argparse.Namespace, config: RenderConfig, uploads: Uploads | None, said: set[str]
+) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
         options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
         asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
-        result = warpmis.render(arguments.stage, config=asked, progress=show, **options)
+        result = warpmis.render(arguments.stage, config=asked, progress=show, uploads=uploads, **options)
     report = _finish(result, job, arguments, said)
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))

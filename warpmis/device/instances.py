@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpmis.device.records import records
-from warpmis.device.views import InstanceView, SceneView
+from warpmis.device.views import InstanceView
 from warpmis.geometry import Prototype
 
 # The boxes are widened by this share of their largest coordinate: float32 carries the triangles to about there.
@@ -17,17 +17,16 @@ MARGIN = 1e-6
 
 
 def upload_instances(
-    view: SceneView, prototypes: Sequence[Prototype], meshes: Sequence[wp.Mesh], first_triangles: Sequence[int]
-) -> tuple[Any, ...]:
-    """The prototypes' places into the view; what it then points into is returned, to be kept alive.
+    prototypes: Sequence[Prototype], meshes: Sequence[wp.Mesh], first_triangles: Sequence[int]
+) -> tuple[dict[str, Any], tuple[Any, ...]]:
+    """The prototypes' places as fields of a SceneView, and what these point into, to be kept alive.
 
     Args:
         meshes, first_triangles: of each prototype, the latter its first row in SceneView.triangles.
     """
-    view.instance_count = sum(len(prototype.prims) for prototype in prototypes)
-    if view.instance_count == 0:
-        return ()
     counts = [len(prototype.prims) for prototype in prototypes]
+    if not counts:
+        return {"instance_count": 0}, ()
     linear = np.concatenate([prototype.linear for prototype in prototypes])
     translation = np.concatenate([prototype.translation for prototype in prototypes])
     columns = {
@@ -39,11 +38,10 @@ def upload_instances(
         "translation": translation,
         "inverse": np.linalg.inv(linear),
     }
-    view.instances = records(InstanceView, columns, view.instance_count)
     low = np.concatenate([prototype.boxes[0] for prototype in prototypes])
     high = np.concatenate([prototype.boxes[1] for prototype in prototypes])
     reach = high - low + np.abs(translation)
     margin = MARGIN * np.maximum(np.maximum(np.abs(low), np.abs(high)), reach).max(axis=1, keepdims=True)
     tree = wp.Bvh(wp.array(low - margin, dtype=wp.vec3), wp.array(high + margin, dtype=wp.vec3))
-    view.instance_bvh = tree.id
-    return (tree, *meshes)
+    instances = records(InstanceView, columns, sum(counts))
+    return {"instances": instances, "instance_count": sum(counts), "instance_bvh": tree.id}, (tree,)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -52,27 +53,90 @@ def check_device(device: str) -> None:
         raise ConfigError(f"this machine has no device '{device}'; choose from {', '.join(known)}")
 
 
-def upload(scene: Scene, device: str, mis_compensation: bool = False, ids: bool = False) -> DeviceScene:
-    """Copy a scene to a device and build its trees; `ids` for what kernels/identify.py reads.
+def upload(
+    scene: Scene, device: str, mis_compensation: bool = False, ids: bool = False, uploads: Uploads | None = None
+) -> DeviceScene:
+    """Copy a scene to a device and build its trees, but for those that `uploads` has; `ids` for kernels/identify.py.
 
     Raises:
         ConfigError: the machine lacks the device.
     """
     check_device(device)
-    parts = [ordered(part) for part in scene.parts]
-    tables = light_tables(scene, parts[0])
-    geometry = joined(parts)
-    first = np.cumsum([0, *(len(part.triangles) for part in parts)]).tolist()
+    solids = (uploads or Uploads()).solids_of(scene, device)
+    geometry = solids.geometry
+    tables = light_tables(scene, solids.in_world)
     with wp.ScopedDevice(device):
         view = SceneView()
-        meshes = upload_meshes(view, geometry, first)
-        instances = upload_instances(view, scene.prototypes, meshes[1:], first[1:-1])
+        for name, value in solids.fields.items():
+            setattr(view, name, value)
         varying = upload_surfaces(view, scene, geometry, tables)
         lights = upload_lights(view, geometry, tables, mis_compensation)
         if ids:
             upload_ids(view, geometry)
         camera = camera_view(scene.camera, scene.resolution)
-    return DeviceScene(view, camera, (*meshes, *instances, *lights, varying))
+    return DeviceScene(view, camera, (*solids.owned, *lights, varying))
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """The triangles on a device.
+
+    Attributes:
+        geometry: all of them, in the order in which they are there; in_world: those that stand in world space.
+        fields: of a SceneView.
+        owned: keeps alive what the fields point into.
+    """
+
+    geometry: Geometry
+    in_world: Geometry
+    fields: dict[str, Any]
+    owned: tuple[Any, ...]
+
+
+@dataclass(eq=False)
+class Uploads:
+    """What a render has put on a device, for the next one to use again if it has the same triangles.
+
+    Of a sequence in which the camera, lights or materials alone change, the trees are built once.
+    """
+
+    key: tuple[str, bytes] | None = None
+    solids: Solids | None = None
+
+    def solids_of(self, scene: Scene, device: str) -> Solids:
+        key = (device, fingerprint(scene))
+        if self.solids is None or key != self.key:
+            self.key, self.solids = key, upload_solids(scene, device)
+        return self.solids
+
+
+def fingerprint(scene: Scene) -> bytes:
+    """The same of scenes whose triangles and prototypes are equal, and of no others."""
+    found = hashlib.sha1(usedforsecurity=False)
+    for owner in (*scene.parts, *scene.prototypes):
+        for name, column in vars(owner).items():
+            if isinstance(column, np.ndarray):
+                found.update(f"{name} {column.shape}".encode())
+                found.update(np.ascontiguousarray(column).data)
+    return found.digest()
+
+
+def upload_solids(scene: Scene, device: str) -> Solids:
+    """The triangles in the device's memory, with their trees."""
+    parts = [ordered(part) for part in scene.parts]
+    geometry = joined(parts)
+    first = np.cumsum([0, *(len(part.triangles) for part in parts)]).tolist()
+    with wp.ScopedDevice(device):
+        fields = {
+            "points": wp.array(geometry.points, dtype=wp.vec3),
+            "indices": wp.array(geometry.triangles, dtype=wp.vec3i),
+            "normals": wp.array(geometry.normals, dtype=wp.vec3),
+        }
+        meshes = upload_meshes(fields["points"], geometry, first)
+        instances, owned = upload_instances(scene.prototypes, meshes[1:], first[1:-1])
+    return Solids(
+        geometry, parts[0], {**fields, "mesh": meshes[0].id, **instances}, (*meshes, *owned, *fields.values())
+    )
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -94,16 +158,11 @@ def ordered(geometry: Geometry) -> Geometry:
     return replace(geometry.ordered(order), points=geometry.points[kept], triangles=triangles)
 
 
-def upload_meshes(view: SceneView, geometry: Geometry, first: list[int]) -> list[wp.Mesh]:
-    """The triangles into the view, and a tree for each of the stretches that begin and end at the rows `first`."""
-    view.points = wp.array(geometry.points, dtype=wp.vec3)
-    view.indices = wp.array(geometry.triangles, dtype=wp.vec3i)
-    view.normals = wp.array(geometry.normals, dtype=wp.vec3)
+def upload_meshes(points: wp.array, geometry: Geometry, first: list[int]) -> list[wp.Mesh]:
+    """A tree for each of the stretches of triangles that begin and end at the rows `first`."""
     corners = wp.array(geometry.triangles.ravel(), dtype=wp.int32)
     stretches = [corners[3 * start : 3 * end] for start, end in pairwise(first)]
-    meshes = [wp.Mesh(view.points, stretch, bvh_leaf_size=LEAF_SIZE) for stretch in stretches]
-    view.mesh = meshes[0].id
-    return meshes
+    return [wp.Mesh(points, stretch, bvh_leaf_size=LEAF_SIZE) for stretch in stretches]
 
 
 def upload_ids(view: SceneView, geometry: Geometry) -> None:
