@@ -245,9 +245,10 @@ def _render(
 ) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
-        options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
+        more = given(shutter_samples=arguments.shutter_samples, uploads=uploads)
+        options = {**stage_options(arguments), **more, **job.options}
         asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
-        result = warpmis.render(arguments.stage, config=asked, progress=show, uploads=uploads, **options)
+        result = warpmis.render(arguments.stage, config=asked, progress=show, **options)
     report = _finish(result, job, arguments, said)
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
