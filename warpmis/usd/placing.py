@@ -18,7 +18,8 @@ from warpmis.usd.reading import MAX_COORDINATE, Reading
 # Geometry indexes with int32.
 MAX_ROWS = 2**31 - 1
 # Copied triangles that the instances of a stage may cost together when they are flattened, at about 300 bytes each
-# while the scene is read and uploaded. What is flattened is traced faster.
+# while the scene is read and uploaded. One tree of all triangles serves instances that overlap better than two levels;
+# instances that stand apart were traced alike (scripts/bench/instances.py writes such a stage).
 MAX_COPIES = 1 << 20
 # Places that stretch one direction so much more than another are flattened: float32 would carry rays too coarsely.
 MAX_STRETCH = 1e3
