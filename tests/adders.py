@@ -10,7 +10,7 @@ from warpmis.kernels.moments import Layout, make_moments
 
 @cache
 def of_mixture(layout: Layout) -> wp.Kernel:
-    """Kernel: (F, early cost, late cost, q, a) -> what one sample of the mixture adds."""
+    """Kernel: (F, F_l, throughput at roulette, early cost, late cost, q, a) -> what one sample of the mixture adds."""
     moments = make_moments(layout)
     vec_k = layout.vec
     vec_s = wp.types.vector(length=layout.strategies, dtype=wp.float32)
@@ -18,6 +18,8 @@ def of_mixture(layout: Layout) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)
     def mixture(
         F: wp.array(dtype=wp.vec3),
+        F_late: wp.array(dtype=wp.vec3),
+        throughput: wp.array(dtype=float),
         early: wp.array(dtype=float),
         late: wp.array(dtype=float),
         q: wp.array(dtype=vec_s),
@@ -26,14 +28,15 @@ def of_mixture(layout: Layout) -> wp.Kernel:
     ):
         i = wp.tid()
         sums = moments.add(vec_k(), F[i], q[i])
-        out[i] = moments.add_statistics(sums, F[i], early[i], late[i], q[i], a)
+        out[i] = moments.add_statistics(sums, F[i], F_late[i], throughput[i], early[i], late[i], q[i], a)
 
     return mixture
 
 
 @cache
 def of_pair(layout: Layout) -> wp.Kernel:
-    """Kernel: (light, s_light, direct, indirect, s_bsdf, cost) -> what one pair of next-event estimation adds."""
+    """Kernel: (light, s_light, direct, indirect, late part, throughput at roulette, s_bsdf, early cost, late cost,
+    shadow rays of the light sample) -> what one pair of next-event estimation adds."""
     moments = make_moments(layout)
     vec_k = layout.vec
 
@@ -43,23 +46,55 @@ def of_pair(layout: Layout) -> wp.Kernel:
         s_light: wp.array(dtype=float),
         direct: wp.array(dtype=wp.vec3),
         indirect: wp.array(dtype=wp.vec3),
+        F_late: wp.array(dtype=wp.vec3),
+        throughput: wp.array(dtype=float),
         s_bsdf: wp.array(dtype=float),
-        cost: wp.array(dtype=float),
+        early: wp.array(dtype=float),
+        late: wp.array(dtype=float),
+        light_rays: wp.array(dtype=float),
         out: wp.array(dtype=vec_k),
     ):
         i = wp.tid()
-        out[i] = moments.add_pair(vec_k(), light[i], s_light[i], direct[i], indirect[i], s_bsdf[i], cost[i])
+        out[i] = moments.add_pair(
+            vec_k(),
+            light[i],
+            s_light[i],
+            direct[i],
+            indirect[i],
+            F_late[i],
+            throughput[i],
+            s_bsdf[i],
+            early[i],
+            late[i],
+            int(light_rays[i]),
+        )
 
     return pair
 
 
 def added_by_mixture(
-    layout: Layout, F: np.ndarray, q: np.ndarray, a: np.ndarray, early: np.ndarray, late: np.ndarray
+    layout: Layout,
+    F: np.ndarray,
+    q: np.ndarray,
+    a: np.ndarray,
+    early: np.ndarray,
+    late: np.ndarray,
+    F_late: np.ndarray | None = None,
+    throughput: float = 1.0,
 ) -> np.ndarray:
-    """Shape (n, K), of F, shape (n, 3), q, shape (n, S), and costs, shape (n,)."""
+    """Shape (n, K), of F and its late part (None: there is none), shape (n, 3), q, shape (n, S), costs, shape (n,)."""
+    F_late = np.zeros_like(F) if F_late is None else F_late
+    at_roulette = np.full(len(F), throughput)
     vec_s = wp.types.vector(length=layout.strategies, dtype=wp.float32)
     out = wp.zeros(len(F), dtype=layout.vec, device="cpu")
-    arrays = [array(F, wp.vec3), array(early, float), array(late, float), array(q, vec_s)]
+    arrays = [
+        array(F, wp.vec3),
+        array(F_late, wp.vec3),
+        array(at_roulette, float),
+        array(early, float),
+        array(late, float),
+        array(q, vec_s),
+    ]
     wp.launch(of_mixture(layout), dim=len(F), inputs=[*arrays, vec_s(*a), out], device="cpu")
     return out.numpy()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,10 @@ STRATEGY_CHOICES = ("stratified", "random")
 
 # Strategies whose densities are positive wherever the integrand is: a mixture needs one of them.
 COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular")
+
+# Samples per pixel where none are asked for: of a plain render, and the most of one that a stopping rule ends.
+DEFAULT_SPP = 256
+CEILING = 1 << 18
 
 # Shares typed by hand (0.333,0.333,0.334) or stored in half precision still count as summing to one.
 SUM_TOLERANCE = 1e-4
@@ -61,7 +66,8 @@ class RenderConfig:
 
     Attributes:
         width: image width [pixel], height following from the stage's aspect; None takes the stage's resolution.
-        spp: samples per pixel in all, learning included.
+        spp: samples per pixel in all, learning included, or the most of them with a target error or a time limit; None
+            takes 256, or at most 262144.
         method: one of METHODS.
         strategies: the sampling strategies of the mixture, in the order of the allocation's last axis.
             Method "bsdf" makes it ("bsdf",).
@@ -69,6 +75,8 @@ class RenderConfig:
         max_depth: bounces after the camera ray's hit; 0 is emission alone, 1 direct light.
         seed: the image is a function of the scene, the settings and this number; 0 to 2^32 - 1.
         device: a Warp device, "cpu" or "cuda:0".
+        target_error: render until the relative error (metrics.py) is below this, 0.01 is 1 % (stopping.py).
+        time_limit: render until learning and rendering have taken so long [s].
         threads: CPU threads; None takes what the process may use.
         strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
         ids: also tell which prim, place and face the middle of each pixel sees.
@@ -77,7 +85,7 @@ class RenderConfig:
     """
 
     width: int | None = None
-    spp: int = 256
+    spp: int = None  # type: ignore[assignment]  # a number from __post_init__ on
     method: str = "auto"
     strategies: tuple[str, ...] = DEFAULT_STRATEGIES
     allocation: NDArray[np.float32] | tuple[float, ...] | None = None
@@ -86,11 +94,17 @@ class RenderConfig:
     max_depth: int = 8
     seed: int = 0
     ids: bool = False
+    target_error: float | None = None
+    time_limit: float | None = None
     device: str = "cpu"
     threads: int | None = None
     learn: LearnConfig = field(default_factory=LearnConfig)
 
     def __post_init__(self) -> None:
+        self._check_stopping()
+        asked: object = self.spp
+        if asked is None:
+            object.__setattr__(self, "spp", CEILING if self.stops else DEFAULT_SPP)
         self._check_numbers()
         if self.method not in METHODS:
             raise ConfigError(f"unknown method '{self.method}'; choose one of {', '.join(METHODS)}")
@@ -111,19 +125,29 @@ class RenderConfig:
         """What the method's name stands for."""
         return METHODS[self.method]
 
+    @property
+    def stops(self) -> bool:
+        """Whether something else than the number of samples may end the render."""
+        return self.target_error is not None or self.time_limit is not None
+
+    @property
+    def _learn_budget(self) -> int:
+        """Samples per pixel that learning takes its share of: where their number is not known, a plain render's."""
+        return min(self.spp, DEFAULT_SPP) if self.stops else self.spp
+
     def learn_rounds(self) -> int:
         """Number of learn rounds: as set, or 1 for a budget below 64 samples and one more for each doubling."""
         if self.learn.rounds is not None:
             return self.learn.rounds
         if self.how.rounds is not None:
             return self.how.rounds
-        return min(max(self.spp.bit_length() - 5, 1), self.how.max_rounds)
+        return min(max(self._learn_budget.bit_length() - 5, 1), self.how.max_rounds)
 
     def learn_spp(self) -> int:
         """Samples per pixel of one learn round: as set, or so that all rounds take the method's share of the budget."""
         if self.learn.spp is not None:
             return self.learn.spp
-        return max(1, int(self.spp * self.how.learn_share) // self.learn_rounds())
+        return max(1, int(self._learn_budget * self.how.learn_share) // self.learn_rounds())
 
     def to_dict(self) -> dict[str, Any]:
         """The settings as plain JSON values; a per-pixel allocation is named by its shape, not spelled out."""
@@ -143,6 +167,8 @@ class RenderConfig:
             "max_depth": self.max_depth,
             "seed": self.seed,
             "ids": int(self.ids),
+            "target_error": self.target_error,
+            "time_limit": self.time_limit,
             "device": self.device,
             "threads": self.threads,
             "learn": {
@@ -151,6 +177,12 @@ class RenderConfig:
                 "initial_allocation": None if initial is None else list(initial),
             },
         }
+
+    def _check_stopping(self) -> None:
+        if self.target_error is not None and not 0.0 < self.target_error <= 1.0:
+            raise ConfigError(f"target error must be above 0 and at most 1 (100 %), got {self.target_error:g}")
+        if self.time_limit is not None and not 0.0 < self.time_limit < math.inf:
+            raise ConfigError(f"time limit must be a positive number of seconds, got {self.time_limit:g}")
 
     def _check_numbers(self) -> None:
         checked = {

@@ -6,6 +6,7 @@ A kernel is generated for one Features value. What is off is absent from the ker
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from warpmis.light_control import LightControl
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
@@ -32,6 +33,7 @@ class Features:
         shading_normals: normals that differ from the triangle's.
         textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
         orthographic, depth_of_field, clipping: cameras other than a pinhole; clipping planes.
+        indirect: light by way of more than one surface: some surface reflects, and paths are long enough.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
     """
@@ -64,6 +66,7 @@ class Features:
     orthographic: bool = False
     depth_of_field: bool = False
     clipping: bool = False
+    indirect: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
 
@@ -82,6 +85,10 @@ class Features:
     def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
         return replace(self, strategies=strategies, statistics=statistics)
 
+    def with_depth(self, max_depth: int) -> Features:
+        """What paths of so many bounces need of these effects."""
+        return replace(self, indirect=self.indirect and max_depth > 1)
+
 
 def is_smooth(roughness: float | Lookup) -> bool:
     """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror, anywhere if it is looked up."""
@@ -90,6 +97,12 @@ def is_smooth(roughness: float | Lookup) -> bool:
 
 def is_emissive(material: Material) -> bool:
     return max(material.mean_emission) > 0.0
+
+
+def reflects(material: Material) -> bool:
+    """Whether the material scatters any light; one with a specular lobe always does."""
+    constant: Any = material.mean
+    return not material.lambertian or max(constant.diffuse_color) > 0.0
 
 
 def is_delta(light: object) -> bool:
@@ -147,4 +160,5 @@ def detect(scene: Scene) -> Features:
         orthographic=scene.camera.orthographic,
         depth_of_field=scene.camera.lens_radius > 0.0,
         clipping=len(scene.camera.clipping_planes) > 0,
+        indirect=any(reflects(m) for m in used),
     )

@@ -57,9 +57,13 @@ class Film:
         """Mean linear Rec.709 radiance, shape (H, W, 3); black where no sample was taken in."""
         return self._mean(self.color, self.count)
 
-    def variance(self) -> NDArray[np.float32]:
-        """Unbiased variance of one sample's luminance, shape (H, W); 0 where there are fewer than two samples."""
-        return (self.luminance_m2 / np.maximum(self.count - 1, 1)).astype(np.float32)
+    def variance(self, exposure: float = 1.0) -> NDArray[np.float32]:
+        """Unbiased variance of one sample's luminance times `exposure`, shape (H, W); 0 for fewer than two samples.
+
+        The square of a radiance that float32 holds need not fit there: what is beyond its largest number is that.
+        """
+        variance = self.luminance_m2 / np.maximum(self.count - 1, 1) * exposure**2
+        return np.minimum(variance, np.finfo(np.float32).max).astype(np.float32)
 
     def mean_albedo(self) -> NDArray[np.float32]:
         """Over all samples, those that hit nothing counting as black, shape (H, W, 3)."""

@@ -139,12 +139,13 @@ def split_warning(line: str) -> tuple[str, str]:
 
 def bounds_of_geometry(scene: Scene) -> tuple[list[float], list[float]] | None:
     found = bounds(scene.geometry, scene.prototypes)
-    return None if found is None else (found[0].tolist(), found[1].tolist())
+    return None if found is None else ((found[0] + scene.origin).tolist(), (found[1] + scene.origin).tolist())
 
 
 def camera_report(scene: Scene) -> dict[str, Any]:
     """The camera's fields as plain values."""
-    values = {field.name: getattr(scene.camera, field.name) for field in dataclasses.fields(scene.camera)}
+    camera = replace(scene.camera, position=scene.camera.position + scene.origin)
+    values = {field.name: getattr(camera, field.name) for field in dataclasses.fields(camera)}
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 

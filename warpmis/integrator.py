@@ -14,8 +14,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
+from warpmis.device.compilation import load_kernels
 from warpmis.device.film import allocate_film
-from warpmis.device.upload import DeviceScene
+from warpmis.device.footprint import array_bytes, scene_bytes
+from warpmis.device.upload import DeviceScene, check_device
+from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.kernels.identify import make_identify
@@ -56,11 +59,36 @@ def available_cpus() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
+    stratified = config.strategy_choice == "stratified"
+    return Learner(config.how, features.strategies, size, stratified, config.device)
+
+
+def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+    """The kernel that tells ids, where they are asked for: one for all methods."""
+    return [make_identify(features.with_strategies(()))] if config.ids else []
+
+
+def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+    """All that a run would launch, whatever the size of its picture.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    check_device(config.device)
+    return [make_trace(features), *learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
+
+
 class Integrator:
-    """One render in progress on one device."""
+    """One render in progress on one device; `announce` is told how many kernels have to be compiled for it first."""
 
     def __init__(
-        self, scene: DeviceScene, features: Features, config: RenderConfig, allocation: NDArray[np.float32]
+        self,
+        scene: DeviceScene,
+        features: Features,
+        config: RenderConfig,
+        allocation: NDArray[np.float32],
+        announce: Callable[[int], None] | None = None,
     ) -> None:
         self.scene = scene
         self.config = config
@@ -69,12 +97,10 @@ class Integrator:
         self.count = len(features.strategies)
         self.start_allocation = allocation
         self.kernel = make_trace(features)
-        self.features = features.with_strategies(())
-        stratified = config.strategy_choice == "stratified"
-        size = (self.width, self.height)
-        self.learner = Learner(config.how, features.strategies, size, stratified, config.device)
-        for kernel in (self.kernel, *self.learner.kernels):
-            wp.load_module(kernel.module, device=config.device)
+        self.learner = learner_of(features, config, (self.width, self.height))
+        self.identify = identify_of(features, config)
+        kernels = (self.kernel, *self.learner.kernels, *self.identify)
+        self.compilation = load_kernels(kernels, config.device, announce)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self._allocate()
@@ -84,20 +110,25 @@ class Integrator:
         vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
         shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
         self.allocation = wp.array(shares, dtype=vec_s, device=device)
-        self.learn_film = allocate_film(self.pixels, device)
+        self.learn_film = allocate_film(self.pixels if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
 
-    def trace(self, part: Round, advance: Callable[[int], None]) -> None:
-        """Trace one round. `advance` is told the number of pixel samples of each launch that is done."""
-        self.learner.begin_round(part.learn)
+    def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
+        """Trace one round, or a piece of its samples; the pieces in turn are the round.
+
+        `advance` is told the number of pixel samples of each launch that is done.
+        """
+        samples = piece or range(part.first_sample, part.first_sample + part.samples)
+        if samples.start == part.first_sample:
+            self.learner.begin_round(part.learn)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
-            self._launch(part, *job)
+            self._launch(part, samples, *job)
             with lock:
-                advance(job[1] * part.samples)
+                advance(job[1] * len(samples))
 
-        self._run(launch, self._jobs(part))
+        self._run(launch, self._jobs(len(samples)))
 
     def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
         """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
@@ -114,17 +145,18 @@ class Integrator:
                     future.result()
                 pending |= {pool.submit(launch, job) for job in islice(jobs, len(done))}
 
-    def _jobs(self, part: Round) -> Iterator[tuple[int, int]]:
+    def _jobs(self, samples: int) -> Iterator[tuple[int, int]]:
         """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread."""
         size = GPU_LAUNCH if self.is_cuda else CPU_LAUNCH
-        return self._stretches(max(1, size // part.samples))
+        return self._stretches(max(1, size // samples))
 
     def _stretches(self, pixels: int) -> Iterator[tuple[int, int]]:
         for first in range(0, self.pixels, pixels):
             yield first, min(pixels, self.pixels - first)
 
-    def _launch(self, part: Round, first_pixel: int, pixels: int) -> None:
-        inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, part.samples, self.config.seed]
+    def _launch(self, part: Round, samples: range, first_pixel: int, pixels: int) -> None:
+        inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, samples.start, len(samples)]
+        inputs += [self.config.seed]
         stratified = int(self.config.strategy_choice == "stratified")
         learn = LEARN_NOTHING
         if part.learn:
@@ -136,9 +168,11 @@ class Integrator:
             wp.synchronize_device(self.config.device)
 
     def ids(self) -> NDArray[np.int32]:
-        """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface."""
-        kernel = make_identify(self.features)
-        wp.load_module(kernel.module, device=self.config.device)
+        """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface.
+
+        Of a render that was asked for them.
+        """
+        (kernel,) = self.identify
         found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
 
         def launch(job: tuple[int, int]) -> None:
@@ -157,6 +191,11 @@ class Integrator:
             wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
 
         self._run(launch, self._stretches(self.pixels if self.is_cuda else CPU_SOLVER_LAUNCH))
+
+    def color_sums(self) -> NDArray[np.float64]:
+        """Sum of all samples' radiance so far, shape (H, W, 3)."""
+        sums = self.learn_film.color.numpy() + self.film.color.numpy()
+        return sums.reshape(self.height, self.width, 3)
 
     def allocation_map(self) -> NDArray[np.float32]:
         """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""
@@ -190,5 +229,14 @@ class Integrator:
 
     def rays(self) -> int:
         """Rays traced so far: of paths, and for their light samples."""
-        films = (self.learn_film, self.film)
-        return sum(int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum()) for film in films)
+        return sum(int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum()) for film in self.films)
+
+    @property
+    def films(self) -> tuple[FilmView, ...]:
+        """The samples of the learn rounds, where there are any, and then all others."""
+        return (self.learn_film, self.film) if self.config.how.learns else (self.film,)
+
+    def bytes(self) -> dict[str, Any]:
+        """Device memory of the scene by what it is for, and of the picture: films, shares, and what learning keeps."""
+        picture = array_bytes([*self.films, self.allocation, *self.learner.buffers])
+        return {"scene": scene_bytes(self.scene), "picture": picture}

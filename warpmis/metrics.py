@@ -66,3 +66,57 @@ def estimated_relative_error(image: NDArray[np.floating], squared_standard_error
     if not scale.any():
         return 0.0  # a black picture
     return float(np.sqrt(without_outliers(squared_standard_error / scale).mean()))
+
+
+# A picture in so many independent parts tells its own error.
+PARTS = 4
+
+# The pairs of parts, each with the pair of the other two.
+_PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
+
+
+def relative_mse_of_parts(parts: NDArray[np.floating], counts: NDArray[np.integer]) -> tuple[float, float]:
+    """relMSE that is to be expected of the mean of four independent pictures, and its standard error.
+
+    With n_i samples in the part x_i, N in all, and the luminance L of the parts, each of the six pairs tells
+
+        r_ij = |x_i - x_j|^2 / ((1 / n_i + 1 / n_j) N) / ((median of L_i)^2 + (0.1 mean L)^2)
+
+    of a pixel, |.|^2 as in squared_error. Their mean r is averaged over the pixels as relMSE is. The median, since a
+    firefly would hide behind the brightness that it makes itself: its pixel's error could never be above 100 %.
+
+    The standard error is that of the difference to the picture's actual relMSE, which has chance in it, too, as much as
+    one pair has. Disjoint pairs are independent, so their products are what the squares would be without chance:
+
+        standard error^2 = sum (r^2 - mean r_ij r_kl + mean r_ij^2 - mean r_ij r_kl) / pixels^2
+
+    what relMSE leaves out counting as the largest that it keeps. That is exact for normal noise; with fireflies it is
+    too large, since those in the picture are those in the estimate.
+
+    Reference: Rousselle, Knaus, Zwicker (2012), for the noise of a picture from that of its parts.
+
+    Args:
+        parts: sums over each part's samples, shape (4, H, W, 3).
+        counts: samples per pixel of each part, shape (4,), all positive.
+    """
+    pictures = np.asarray(parts, np.float64) / np.asarray(counts, np.float64)[:, np.newaxis, np.newaxis, np.newaxis]
+    luminance = pictures @ LUMINANCE
+    scale = np.median(luminance, axis=0) ** 2 + (DARK * luminance.mean()) ** 2
+    if not scale.any():
+        return 0.0, 0.0  # a black picture
+
+    def told_by(i: int, j: int) -> Float64Array:
+        return squared_error(pictures[i], pictures[j]) / ((1.0 / counts[i] + 1.0 / counts[j]) * counts.sum() * scale)
+
+    r, squares, products = (np.zeros(scale.shape) for _ in range(3))
+    for pair, other in _PAIRINGS:
+        ours, theirs = told_by(*pair), told_by(*other)
+        r += (ours + theirs) / 6.0
+        squares += (ours**2 + theirs**2) / 6.0
+        products += ours * theirs / 3.0
+    kept = np.argsort(r, axis=None)[: r.size - int(OUTLIERS * r.size)]
+    chance = (r**2 + squares - 2.0 * products).ravel()[kept]
+    total = chance.sum() + (r.size - kept.size) * chance[-1]
+    # In a handful of pixels the difference may happen to be small, or negative.
+    least = (r.ravel()[kept] ** 2).sum()
+    return float(r.ravel()[kept].mean()), float(np.sqrt(max(total, least)) / r.size)

@@ -30,9 +30,10 @@ def divided(config: RenderConfig, count: int) -> list[RenderConfig]:
     """
     if config.spp < count:
         raise ConfigError(f"{count} times within the shutter need as many samples per pixel, got {config.spp}")
+    limit = None if config.time_limit is None else config.time_limit / count
     shares = [config.spp * (index + 1) // count - config.spp * index // count for index in range(count)]
     return [
-        dataclasses.replace(config, spp=spp, seed=(config.seed + index * SEED_STEP) % 2**32)
+        dataclasses.replace(config, spp=spp, time_limit=limit, seed=(config.seed + index * SEED_STEP) % 2**32)
         for index, spp in enumerate(shares)
     ]
 
@@ -72,7 +73,9 @@ def _stats(results: list[RenderResult]) -> dict[str, object]:
     """Counts and times are summed up, what is no sum is of the last time."""
     every = [result.stats for result in results]
     seconds = {name: sum(stats["seconds"][name] for stats in every) for name in every[0]["seconds"]}
-    sums = {name: sum(stats[name] for stats in every) for name in ("samples", "rejected_samples", "rays")}
+    summed = ("samples", "rejected_samples", "rays", "compile_seconds", "kernels_compiled")
+    sums = {name: sum(stats[name] for stats in every) for name in summed}
     traced = seconds["learn"] + seconds["render"]
     speed = sums["rays"] / traced if traced > 0.0 else 0.0
-    return {**every[-1], **sums, "seconds": seconds, "rays_per_second": speed}
+    last = {name: value for name, value in every[-1].items() if name != "stopping"}  # of one time alone
+    return {**last, **sums, "seconds": seconds, "rays_per_second": speed}

@@ -16,6 +16,8 @@ class Progress:
         samples: pixel samples taken within `seconds`: their quotient is the speed.
         seconds: time that `samples` took [s].
         detail: where in the phase, such as "round 3/8".
+        relative_error, standard_error: of the picture so far, where a stopping rule watches it.
+        seconds_left: until the stopping rule is expected to end the render [s].
     """
 
     phase: str
@@ -24,3 +26,6 @@ class Progress:
     samples: int
     seconds: float
     detail: str = ""
+    relative_error: float | None = None
+    standard_error: float | None = None
+    seconds_left: float | None = None

@@ -12,17 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.config import LearnConfig, RenderConfig
+from warpmis.device.compilation import Compilation, load_kernels
 from warpmis.device.film import download_film
 from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.device.upload import upload
-from warpmis.errors import Interrupted
+from warpmis.errors import ConfigError, Interrupted
 from warpmis.features import Features, detect
-from warpmis.integrator import Integrator, allocation_of
-from warpmis.learn.schedule import schedule
+from warpmis.integrator import Integrator, allocation_of, kernels_of
+from warpmis.learn.schedule import Round, schedule
 from warpmis.motion import averaged, divided, shutter_times
 from warpmis.progress import Progress
 from warpmis.result import RenderResult
 from warpmis.scene import Scene
+from warpmis.stopping import Watch
 
 # At most so often is progress reported [s].
 REPORT_SECONDS = 0.1
@@ -90,6 +92,8 @@ def render(
             session_layer=session_layer,
         )
 
+    if config.target_error is not None and shutter_samples > 1:
+        raise ConfigError("a target error is for one time within the shutter: drop the shutter samples, or set spp")
     scene = scene_at(time)
     opens, closes = scene.camera.shutter
     if shutter_samples > 1 and opens < closes:
@@ -161,24 +165,46 @@ def resized(scene: Scene, width: int | None) -> Scene:
     return dataclasses.replace(scene, resolution=(width, height))
 
 
+def features_of(scene: Scene, config: RenderConfig, features: Features | None = None) -> Features:
+    """The effects to compile: those that are forced, else what scene and depth call for; and what the method needs."""
+    strategies = config.strategies if config.method != "nee" else ()
+    features = features or detect(scene).with_depth(config.max_depth)
+    return features.with_strategies(strategies, config.how.statistics)
+
+
+def compile_scene(scene: Scene, config: RenderConfig, features: Features | None = None) -> Compilation:
+    """Compile the kernels that `render` would launch for the scene, without rendering it.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    return load_kernels(kernels_of(features_of(scene, config, features), config), config.device)
+
+
 def render_scene(
     scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None = None
 ) -> RenderResult:
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
-    strategies = config.strategies if config.method != "nee" else ()
-    features = (features or detect(scene)).with_strategies(strategies, config.how.statistics)
+    features = features_of(scene, config, features)
     device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
     reporter.phase("compile")
-    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
+
+    def announce(count: int) -> None:
+        reporter.phase("compile", f"{count} kernel{'s' if count > 1 else ''}, first use of these effects")
+
+    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height), announce)
     rounds = schedule(config)
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
+    watch = reporter.watch = Watch(config, scene.resolution, reporter.tracing_seconds) if config.stops else None
     maps = []
     try:
         for number, part in enumerate(rounds, start=1):
             reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
-            integrator.trace(part, reporter.advance)
+            trace(part, integrator, reporter)
+            if watch is not None and watch.stopped:
+                break
             if part.learn:
                 integrator.solve()
                 if config.learn.keep_maps:
@@ -191,7 +217,21 @@ def render_scene(
         scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
         raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None
     reporter.phase("done")
+    if watch is not None:
+        scene = dataclasses.replace(scene, notes=(*scene.notes, *watch.notes()))
     return result_of(scene, config, features, integrator, reporter, maps)
+
+
+def trace(part: Round, integrator: Integrator, reporter: Reporter) -> None:
+    """One round, at once or as far as it is watched."""
+    watch = reporter.watch
+    if watch is None:
+        integrator.trace(part, reporter.advance)
+        return
+    for index, piece in watch.pieces(part):
+        reporter.total = watch.needed_spp() * integrator.pixels
+        integrator.trace(part, reporter.advance, piece)
+        watch.add(index, piece, integrator.color_sums())
 
 
 def result_of(
@@ -204,8 +244,8 @@ def result_of(
 ) -> RenderResult:
     """Merge the films: every sample is in the image, the variance is the last allocation's."""
     width, height = scene.resolution
-    learned, final = (download_film(film, width, height) for film in (integrator.learn_film, integrator.film))
-    film = learned.merge(final)
+    *learned, final = (download_film(film, width, height) for film in integrator.films)
+    film = learned[0].merge(final) if learned else final
     # An interrupted last round has pixels without samples.
     spread = final if (final.count + final.rejected).min() > 1 else film
     seconds = {name: reporter.seconds.get(name, 0.0) for name in ("load", "compile", "learn", "render")}
@@ -219,12 +259,21 @@ def result_of(
         "rays_per_second": rays / traced if traced > 0.0 else 0.0,
         "next_event_pixels": integrator.next_event_share(),
         **integrator.certificate(spread.variance(), film.image()),
+        **({"stopping": reporter.watch.stats()} if reporter.watch is not None else {}),
         "triangles": scene.triangle_count,
         "lights": len(scene.lights),
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,
         "threads": integrator.threads,
+        "compile_seconds": integrator.compilation.seconds,
+        "kernels_compiled": integrator.compilation.compiled,
+        "kernels_cached": integrator.compilation.cached,
+        "bytes": integrator.bytes(),
     }
+    notes = scene.notes
+    if stats["rejected_samples"]:
+        left_out = f"{stats['rejected_samples']} of {stats['samples']} samples by method {config.method}"
+        notes = (*notes, f"{left_out} were not finite and are left out of the picture")
     exposure = scene.camera.exposure
     return RenderResult(
         image=film.image() * np.float32(exposure),
@@ -233,7 +282,7 @@ def result_of(
         normal=film.mean_normal(),
         depth=film.mean_depth(),
         samples=film.count,
-        variance=spread.variance() * np.float32(exposure**2),
+        variance=spread.variance(exposure),
         allocation=integrator.allocation_map(),
         ids=integrator.ids() if config.ids else None,
         paths=tuple(prim.path for prim in scene.prims) if config.ids else (),
@@ -243,7 +292,7 @@ def result_of(
         name=scene.name,
         settings={**config.to_dict(), "camera": scene.camera.path},
         warnings=scene.warnings,
-        notes=scene.notes,
+        notes=notes,
     )
 
 
@@ -255,6 +304,7 @@ class Reporter:
         self.seconds: dict[str, float] = {}
         self.total = 0
         self.done = 0
+        self.watch: Watch | None = None
         self.current = ""
         self.detail = ""
         self.started = self.reported = time.perf_counter()
@@ -276,8 +326,13 @@ class Reporter:
         if now - self.reported > REPORT_SECONDS:
             self.report(now)
 
+    def tracing_seconds(self) -> float:
+        """Time since the first round began [s]."""
+        return time.perf_counter() - self.tracing_since if self.tracing_since else 0.0
+
     def report(self, now: float) -> None:
         self.reported = now
         if self.progress is not None:
-            seconds = now - self.tracing_since if self.tracing_since else 0.0
-            self.progress(Progress(self.current, self.done, self.total, self.done, seconds, self.detail))
+            watched = self.watch.progress() if self.watch is not None else {}
+            seconds = self.tracing_seconds()
+            self.progress(Progress(self.current, self.done, self.total, self.done, seconds, self.detail, **watched))

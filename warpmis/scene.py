@@ -246,6 +246,8 @@ class Scene:
         name: the stage's file name or identifier.
         resolution: (width, height) [pixel].
         geometry: the triangles in world space; prototypes: those that are traced through transforms.
+        origin: of all positions here, in the stage's world space: 0 but for scenes far from it [scene units], shape
+            (3,) float64.
         time: of the stage [time code].
         warnings: what was found but not honoured, a line each, with the prim path.
         notes: what was supplied because the stage has none (camera, light), a line each.
@@ -258,6 +260,7 @@ class Scene:
     materials: tuple[Material, ...]
     prims: tuple[Prim, ...]
     lights: tuple[Light, ...]
+    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     time: float = 0.0
     warnings: tuple[str, ...] = field(default=())
     notes: tuple[str, ...] = field(default=())

@@ -28,6 +28,7 @@ class FakeRender:
         noise: relative standard deviation of one sample, by method.
         cost: seconds of one sample per pixel, by method.
         bias: relative, by max_depth.
+        rejected: samples of every call that are not finite.
         slow_after: calls after which everything takes 16 times as long.
     """
 
@@ -37,6 +38,7 @@ class FakeRender:
     jitter: float = 0.0
     slow_after: int = 10**9
     calls: int = 0
+    rejected: int = 0
 
     def __call__(self, scene: Any, *, config: RenderConfig, progress: Any = None) -> RenderResult:
         if progress is not None:
@@ -53,5 +55,6 @@ class FakeRender:
             image=image, alpha=flat, albedo=image, normal=image, depth=flat, samples=flat + config.spp, variance=flat,
             allocation=np.full((HEIGHT, WIDTH, len(config.strategies)), 1.0 / len(config.strategies), np.float32),
             strategies=config.strategies, name="fake.usda", settings=config.to_dict(),
-            stats={"seconds": {"load": 9.0, "compile": 7.0, "learn": learn, "render": seconds - learn}, "threads": 2},
+            stats={"seconds": {"load": 9.0, "compile": 7.0, "learn": learn, "render": seconds - learn}, "threads": 2,
+                   "rejected_samples": self.rejected},
         )  # fmt: skip

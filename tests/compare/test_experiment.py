@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from compare.fakes import HEIGHT, SCENE, TRUTH, WIDTH, FakeRender
 
 import warpmis
+from warpmis.compare import measure
 from warpmis.compare.measure import Settings, run_experiment
 from warpmis.compare.plan import affordable_spp, ladder
 from warpmis.compare.reference import read_reference
@@ -77,6 +80,15 @@ def test_learning_is_told(fake: FakeRender) -> None:
     )
 
 
+def test_rejected_samples_are_counted_and_warned_of(fake: FakeRender) -> None:
+    """Three repeats of three budgets and of the equal time, with 2 each."""
+    assert compared(BALANCE)["methods"]["balance"]["rejected_samples"] == 0
+    fake.rejected = 2
+    summary = compared(BALANCE)
+    assert summary["methods"]["balance"]["rejected_samples"] == 2 * 3 * (3 + 1)
+    assert "balance: 24 samples were not finite and are in no picture" in summary["warnings"]
+
+
 def test_a_method_against_itself(fake: FakeRender) -> None:
     """Nine turns: that all of them lie on one side of 1 has a chance of 0.4 %, and the seeds are fixed."""
     fake.jitter = 0.2
@@ -84,6 +96,16 @@ def test_a_method_against_itself(fake: FakeRender) -> None:
     efficiency = compared(BALANCE, again, repeats=9)["methods"]["again"]["efficiency"]
     assert efficiency["low"] < 1.0 < efficiency["high"]
     assert efficiency["median"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_rendered_method_against_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine turns of real renders, timed by their samples: the same method has an efficiency of 1 within its range."""
+    monkeypatch.setattr(measure, "tracing_seconds", lambda stats: 1e-5 * stats["samples"])
+    again = Variant("again", {"method": "balance"})
+    experiment = run_experiment(scenes.room(pixels=16), [BALANCE, again], Settings(spp=32, repeats=9))
+    efficiency = summarize(experiment, "room")["methods"][1]["efficiency"]
+    assert efficiency["low"] < 1.0 < efficiency["high"]
+    assert efficiency["median"] == pytest.approx(1.0, abs=0.25)
 
 
 def test_bias_is_told_from_noise(fake: FakeRender) -> None:
@@ -218,3 +240,13 @@ def test_rounds_of_a_swept_length_fit_the_budget() -> None:
 def test_settings_are_checked(settings: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         Settings(**settings)
+
+
+def test_notes_of_every_method_are_told(fake: FakeRender, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as that samples were not finite: whichever method they were of."""
+
+    def render(scene: Any, *, config: Any, progress: Any = None) -> warpmis.RenderResult:
+        return replace(fake(scene, config=config, progress=progress), notes=("of all", f"of {config.method}"))
+
+    monkeypatch.setitem(vars(warpmis), "render", render)
+    assert compared(BALANCE, NEE)["notes"] == ["of all", "of balance", "of nee"]

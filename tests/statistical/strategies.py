@@ -75,7 +75,7 @@ def draw(
         d.q = strategies.drawn_by(d.strategy, allocation)
     if strategy != LOOK:
         u_scatter = rng.uniform4_of_step(key, 0, rng.SCATTER)
-        wis[i] = strategies.sample(scene, r, frame, s, d.strategy, u_scatter, u_light)
+        wis[i] = strategies.sample(scene, r, frame, s, d.strategy, u_scatter, u_light).wi
     wi = wis[i]
     local = to_local(frame, wi)
     if local[2] > 0.0:

@@ -20,19 +20,24 @@ from warpmis.learn.schedule import Round
 PIXELS = 12
 SPP = 768
 SEEDS = 10
-# No path is long enough to end by Russian roulette, whose odds depend on the throughput f / p_a and so on the shares.
-DEPTH = 2
+# No path of this many bounces ends by Russian roulette, whose odds depend on the throughput f / p_a, so on the shares.
+BEFORE_ROULETTE = 2
 SHARES = (0.2, 0.5, 0.9)
 SIGNIFICANCE = 0.01
 
 
 def learned_from(
-    method: str, seed: int, spp: int = SPP, scene: warpmis.Scene | None = None, **settings: object
+    method: str,
+    seed: int,
+    spp: int = SPP,
+    scene: warpmis.Scene | None = None,
+    max_depth: int = BEFORE_ROULETTE,
+    **settings: object,
 ) -> Integrator:
     """One learn round, and no step after it."""
     scene = scene or scenes.lit_ceiling(PIXELS)
     config = warpmis.RenderConfig(
-        method=method, spp=spp, seed=seed, max_depth=DEPTH, strategy_choice="random", **settings
+        method=method, spp=spp, seed=seed, max_depth=max_depth, strategy_choice="random", **settings
     )
     features = detect(scene).with_strategies(config.strategies, config.how.statistics)
     run = Integrator(upload(scene, "cpu"), features, config, allocation_of(config, PIXELS, PIXELS))
@@ -40,9 +45,9 @@ def learned_from(
     return run
 
 
-def observed(seed: int, **settings: object) -> warpmis.RenderResult:
+def observed(seed: int, max_depth: int = BEFORE_ROULETTE, **settings: object) -> warpmis.RenderResult:
     scene = scenes.lit_ceiling(PIXELS)
-    return warpmis.render(scene, spp=SPP, seed=seed, max_depth=DEPTH, strategy_choice="random", **settings)
+    return warpmis.render(scene, spp=SPP, seed=seed, max_depth=max_depth, strategy_choice="random", **settings)
 
 
 def candidates_of(run: Integrator) -> np.ndarray:
@@ -78,10 +83,8 @@ def test_predicted_variance_is_observed(method: str) -> None:
         for share in SHARES
     }
     if method == "auto":
-        pairs = [run.learner.moments.numpy()[:, run.learner.layout.offset("pair") :] / SPP for run in runs]
-        predictions["nee"] = [
-            ((pair[:, 1] + pair[:, 3] - pair[:, 0] ** 2 - pair[:, 2] ** 2) * SPP / (SPP - 1)).sum() for pair in pairs
-        ]
+        means = [run.learner.moments.numpy()[:, run.learner.layout.offset("mean") :] / SPP for run in runs]
+        predictions["nee"] = [((mean[:, 1] - mean[:, 0] ** 2) * SPP / (SPP - 1)).sum() for mean in means]
         observations["nee"] = [observed(100 + seed, method="nee").variance.sum() for seed in range(SEEDS)]
     for share, foretold in predictions.items():
         found = np.array(observations[share])
@@ -90,6 +93,21 @@ def test_predicted_variance_is_observed(method: str) -> None:
         significance = sidak(SIGNIFICANCE, 7)
         assert welch_test(np.array(foretold), found) > significance
         assert detectable_bias(error, significance) < 0.06
+
+
+@pytest.mark.parametrize("method", ["accumulated", "auto"])
+def test_predicted_variance_is_observed_beyond_russian_roulette(method: str) -> None:
+    """What is found after it hardly answers to the shares. The prediction takes all of it to be found after the path's
+    last roulette: it is within 6 % with a confidence of 99 %. Light counted as if it answered like the rest would put
+    it off by a fifth and more."""
+    runs = [learned_from(method, seed, max_depth=8) for seed in range(1, SEEDS + 1)]
+    for share in (0.3, 0.5, 0.9):
+        foretold = np.array([candidates_of(run)[:, CANDIDATES.index(share)].sum() for run in runs])
+        settings = {"method": "fixed", "allocation": (share, 1.0 - share), "max_depth": 8}
+        found = np.array([observed(100 + seed, **settings).variance.sum() for seed in range(SEEDS)])
+        error = np.hypot(foretold.std(ddof=1), found.std(ddof=1)) / np.sqrt(SEEDS) / found.mean()
+        print(f"{method} {share}: {foretold.mean() / found.mean():.4f} +- {error:.4f}")
+        assert abs(foretold.mean() / found.mean() - 1.0) + 3.0 * error < 0.06
 
 
 def without_walls() -> warpmis.Scene:

@@ -15,6 +15,7 @@ import pytest
 
 import warpmis
 from warpmis.cli import main
+from warpmis.cli.console import progress_bar
 from warpmis.config import RenderConfig
 from warpmis.errors import StageError
 from warpmis.progress import Progress
@@ -28,6 +29,7 @@ class FakeRender:
         self.stage = ""
         self.options: dict[str, Any] = {}
         self.error: BaseException | None = None
+        self.progress = Progress("learn", 50, 100, 50, 0.5, "round 3/8")
         self.rounds: tuple[np.ndarray, ...] = ()
         self.stats: dict[str, Any] = {"seconds": {"load": 0.1, "learn": 1.0, "render": 3.0}, "samples": 8_000_000}
 
@@ -43,7 +45,7 @@ class FakeRender:
             raise self.error
         if options["progress"] is not None:
             options["progress"](Progress("load", 0, 0, 0, 0.0))
-            options["progress"](Progress("learn", 50, 100, 50, 0.5, "round 3/8"))
+            options["progress"](self.progress)
         count = len(self.config.strategies)
         zeros, rgb = np.zeros((4, 6), np.float32), np.zeros((4, 6, 3), np.float32)
         return RenderResult(
@@ -78,7 +80,7 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
     learning = "--learn-rounds 4 --learn-spp 2 --initial-allocation 0.25,0.75".split()
     stage = "--camera /Cam --image-width 320 --purposes render,proxy --render-settings-prim-path /Render/A".split()
     render = "--spp 32 --method murray20 --strategies light,bsdf --max-depth 3 --seed 7 --device cuda:0 --threads 2"
-    render += " --strategy-choice random --mis-compensation --ids"
+    render += " --strategy-choice random --mis-compensation --ids --target-error 2% --time-limit 90"
     geometry = "--complexity low --variant /A{b=c} --variant /A{d=e} --mask /A,/B --session-layer s.usda".split()
     assert main(["render", "box.usda", "out.exr", *stage, *geometry, *render.split(), *learning]) == 0
     options = {name: fake.options[name] for name in ("camera", "purposes", "render_settings")}
@@ -90,7 +92,7 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
     assert fake.config.to_dict() == {
         "width": 320, "spp": 32, "method": "murray20", "strategies": ["light", "bsdf"], "allocation": None,
         "strategy_choice": "random", "mis_compensation": 1,
-        "max_depth": 3, "seed": 7, "ids": 1, "device": "cuda:0", "threads": 2,
+        "max_depth": 3, "seed": 7, "ids": 1, "target_error": 0.02, "time_limit": 90.0, "device": "cuda:0", "threads": 2,
         "learn": {"rounds": 4, "spp": 2, "initial_allocation": [0.25, 0.75]},
     }  # fmt: skip
     assert Path("out.exr").is_file()
@@ -109,6 +111,15 @@ def test_usdrecord_spellings(fake: FakeRender, options: str) -> None:
 def test_fixed_allocation(fake: FakeRender) -> None:
     assert main("render box.usda --method fixed --allocation 0.2,0.8".split()) == 0
     np.testing.assert_allclose(fake.config.allocation, [0.2, 0.8])
+
+
+def test_universal_kernel_is_asked_for_by_name(fake: FakeRender) -> None:
+    from warpmis.features import Features
+
+    assert main("render box.usda --features all".split()) == 0
+    assert fake.options["features"] == Features.all()
+    with pytest.raises(SystemExit, match="2"):
+        main("render box.usda --features some".split())
 
 
 def test_round_maps_are_pictures_numbered_from_one(fake: FakeRender) -> None:
@@ -164,7 +175,8 @@ def test_picture_as_out_is_a_usage_error(fake: FakeRender, capsys: pytest.Captur
 @pytest.mark.parametrize(
     "arguments",
     ["", "render", "render a.usda --spp many", "render a.usda --purposes magic", "render a.usda --allocation half",
-     "render a.usda --sp 4"],
+     "render a.usda --sp 4", "render a.usda --target-error 5", "render a.usda --target-error 5%%",
+     "render a.usda --time-limit 1m"],
 )  # fmt: skip
 def test_unreadable_arguments_are_usage_errors(fake: FakeRender, arguments: str) -> None:
     with pytest.raises(SystemExit) as exit_:
@@ -222,6 +234,21 @@ def test_messages_and_summary(fake: FakeRender, capsys: pytest.CaptureFixture[st
     assert captured.out == ""
 
 
+@pytest.mark.parametrize("text", ["2%", "2 %", "0.02"])
+def test_spellings_of_an_error(fake: FakeRender, text: str) -> None:
+    assert main(["render", "box.usda", "--target-error", text]) == 0
+    assert fake.config.target_error == 0.02
+
+
+def test_summary_of_a_watched_render(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    told = {"relative_error": 0.0877526, "standard_error": 0.0037285, "bound": 0.0974157, "confidence": 0.95}
+    fake.stats["stopping"] = {"spp": 1081, **told}
+    assert main(["render", "box.usda", "--target-error", "10%"]) == 0
+    summary = capsys.readouterr().err.splitlines()[-1]
+    assert "6 x 4, 1081 spp" in summary
+    assert summary.endswith(", error 8.78 ± 0.37 %, below 9.74 % by 95 %")
+
+
 def test_quiet_says_nothing(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "box.usda", "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
@@ -252,8 +279,20 @@ def test_progress_is_shown_on_a_terminal_alone(fake: FakeRender, monkeypatch: py
     monkeypatch.setattr(sys, "stderr", terminal)
     assert main(["render", "box.usda"]) == 0
     assert "learn round 3/8" in terminal.getvalue()
+    fake.progress = Progress("render", 60, 100, 60, 0.6, "", 0.0231, 0.0005, 9.0)
+    assert main(["render", "box.usda"]) == 0
+    assert "render error 2.310 ± 0.050 %" in terminal.getvalue()
     assert main(["render", "box.usda", "--quiet"]) == 0
     assert fake.options["progress"] is None
+
+
+def test_a_line_tells_of_compilation_where_there_is_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar(quiet=False) as show:
+        assert show is not None
+        for detail in ("", "2 kernels, first use of these effects"):
+            show(Progress("compile", 0, 0, 0, 0.0, detail))
+        show(Progress("learn", 50, 100, 50, 0.5, "round 3/8"))
+    assert capsys.readouterr().err == "warpmis: compiling 2 kernels, first use of these effects\n"
 
 
 # ---- as a program ---------------------------------------------------------------------------------------------------

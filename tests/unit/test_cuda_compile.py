@@ -17,7 +17,7 @@ from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
-from warpmis.learn.pooling import make_pool, make_scale
+from warpmis.learn.pooling import make_pool, make_relative
 from warpmis.methods import METHODS
 
 HOPPER = 90
@@ -33,7 +33,7 @@ KERNELS = {
     "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, METHODS["cost-aware"].statistics)),
     "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
     "candidates, pairs": lambda: make_candidates(AUTO, stratified=True),
-    "scale": lambda: make_scale(AUTO),
+    "relative": lambda: make_relative(AUTO),
     "pool": lambda: make_pool(AUTO),
 }
 

@@ -82,7 +82,7 @@ def test_every_effect_names_the_first_prim_that_called_for_it():
         f.name for f in dataclasses.fields(Features) if f.type == "bool"
     ]
     on = {effect.name: effect.prim for effect in found.effects if effect.on}
-    assert on == {"rect_light": "/lamp", "specular": "/red", "smooth": "/red"}
+    assert on == {"rect_light": "/lamp", "specular": "/red", "smooth": "/red", "indirect": "/white"}
     assert all(effect.prim is None for effect in found.effects if not effect.on)
 
 

@@ -9,6 +9,7 @@ from warpmis.metrics import (
     estimated_relative_error,
     mean_squared_error,
     relative_mse,
+    relative_mse_of_parts,
     squared_error,
     squared_scale,
     without_outliers,
@@ -55,3 +56,70 @@ def test_estimated_error_is_that_of_the_samples() -> None:
     measured = np.sqrt(relative_mse(truth + noise[..., np.newaxis], truth, outliers=0.0))
     assert estimated_relative_error(truth, np.full((100, 100), 0.01)) == pytest.approx(measured, rel=0.03)
     assert estimated_relative_error(np.zeros((4, 4, 3)), np.zeros((4, 4))) == 0.0
+
+
+# ---- the error that four parts of the samples tell ------------------------------------------------------------------
+
+
+def noisy_parts(rng: np.random.Generator, truth: np.ndarray, deviation: float, counts: tuple[int, ...]) -> np.ndarray:
+    """Sums of `counts` samples each, a sample being the truth with noise of that relative deviation."""
+    noise = rng.standard_normal((4, *truth.shape)) * deviation * truth
+    return np.array([count * truth + np.sqrt(count) * noise[part] for part, count in enumerate(counts)])
+
+
+@pytest.mark.parametrize("counts", [(64, 64, 64, 64), (60, 70, 50, 76)])
+def test_parts_tell_the_error_of_their_mean(counts: tuple[int, ...]) -> None:
+    """Colours whose noise is independent: their luminance alone would tell half of it."""
+    rng = np.random.default_rng(2)
+    truth = np.linspace(1.0, 2.0, 90 * 90 * 3).reshape(90, 90, 3)
+    parts = noisy_parts(rng, truth, 0.5, counts)
+    true = relative_mse(parts.sum(axis=0) / sum(counts), truth)
+    estimate, spread = relative_mse_of_parts(parts, np.array(counts))
+    assert estimate == pytest.approx(true, rel=0.05)
+    assert abs(estimate - true) < 4.0 * spread
+    assert spread == pytest.approx(true * np.sqrt(8.0 / 3.0) / 90, rel=0.35), "colours have more degrees of freedom"
+
+
+def test_standard_error_is_that_of_the_difference() -> None:
+    """Grey noise over pixels alike: estimate less truth scatters as is claimed, within the 10 % that 400 runs tell."""
+    rng = np.random.default_rng(3)
+    truth = np.ones((20, 20, 3))
+    differences, spreads = [], []
+    for _ in range(400):
+        noise = np.repeat(rng.standard_normal((4, 20, 20, 1)), 3, axis=3)
+        parts = 25.0 * truth + 5.0 * 0.2 * noise
+        estimate, spread = relative_mse_of_parts(parts, np.full(4, 25))
+        differences.append(estimate - relative_mse(parts.sum(axis=0) / 100.0, truth))
+        spreads.append(spread)
+    assert np.std(differences) == pytest.approx(np.mean(spreads), rel=0.1)
+    assert abs(np.mean(differences)) < 4.0 * np.std(differences) / 20.0
+
+
+@pytest.mark.parametrize("fireflies", [0.05, 1.0])
+def test_standard_error_covers_fireflies(fireflies: float) -> None:
+    """So many of 64 samples, on average, have 20 times the light: the claim is no smaller than the scatter."""
+    rng = np.random.default_rng(5)
+    truth = np.full((20, 20, 3), (64.0 + 20.0 * fireflies) / 64.0)
+    differences, spreads = [], []
+    for _ in range(300):
+        grey = 64.0 + 2.0 * rng.standard_normal((4, 20, 20, 1)) + 20.0 * rng.poisson(fireflies, (4, 20, 20, 1))
+        parts = np.repeat(grey, 3, axis=3)
+        estimate, spread = relative_mse_of_parts(parts, np.full(4, 64))
+        differences.append(estimate - relative_mse(parts.sum(axis=0) / 256.0, truth))
+        spreads.append(spread)
+    assert np.std(differences) < np.mean(spreads) < 2.5 * np.std(differences)
+
+
+def test_a_firefly_does_not_hide_behind_its_own_brightness() -> None:
+    """In one of 100 pixels one of 256 samples has 10^4 times the light: three of six pairs of parts differ by it."""
+    parts = np.full((4, 10, 10, 3), 64.0)
+    parts[2, 3, 4] += 1e4
+    squared = (1e4 / 256) ** 2  # of the pixel's mean; half of the pairs, each for 16 / 8 of it
+    mean = 1.0 + 1e4 / 256 / 100
+    expected = squared / (1.0 + (0.1 * mean) ** 2) / 100
+    assert relative_mse_of_parts(parts, np.full(4, 64))[0] == pytest.approx(expected)
+    assert expected > 10.0, "relative to the mean it would be 0.01 at most, one pixel in a hundred"
+
+
+def test_a_black_picture_has_no_relative_error() -> None:
+    assert relative_mse_of_parts(np.zeros((4, 3, 3, 3)), np.full(4, 16)) == (0.0, 0.0)

@@ -29,5 +29,22 @@ def test_bad_samples_are_counted_and_leave_no_trace(radiance: float, method: str
         assert np.isfinite(picture).all()
 
 
+def test_they_are_told_of() -> None:
+    """A note, which the command line and the report show, with their number."""
+    result = warpmis.render(glowing(np.nan), method="nee", spp=32, max_depth=2)
+    rejected = result.stats["rejected_samples"]
+    assert result.notes == (
+        f"{rejected} of {16 * 16 * 32} samples by method nee were not finite and are left out of the picture",
+    )
+
+
 def test_good_scenes_reject_nothing() -> None:
-    assert warpmis.render(glowing(5.0), spp=32).stats["rejected_samples"] == 0
+    result = warpmis.render(glowing(5.0), spp=32)
+    assert result.stats["rejected_samples"] == 0
+    assert result.notes == ()
+
+
+@pytest.mark.parametrize("name", ["cornell_box", "ajar_door", "veach_plates", "open_terrace"])
+def test_ordinary_scenes_reject_nothing(name: str) -> None:
+    result = warpmis.render(scenes.USD_SCENES / name / "scene.usda", width=32, spp=64)
+    assert result.stats["rejected_samples"] == 0

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 
 import warpmis
-from warpmis.cli import compare, inspect, render
+from warpmis.cli import compare, compile, inspect, render
 from warpmis.cli.console import fail
 from warpmis.errors import ConfigError, WarpmisError
 
@@ -49,4 +49,5 @@ def _parser() -> argparse.ArgumentParser:
     render.add_parser(commands)
     compare.add_parser(commands)
     inspect.add_parser(commands)
+    compile.add_parser(commands)
     return parser

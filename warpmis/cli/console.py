@@ -63,11 +63,17 @@ def speed_text(samples: int, seconds: float) -> str:
     return f"{samples / max(seconds, 1e-9) / 1e6:.2f} Msamples/s"
 
 
+def error_text(error: float, spread: float) -> str:
+    """A relative error and its standard error, such as "2.31 ± 0.05 %": two digits of the second."""
+    digits = max(0, 1 - math.floor(math.log10(max(100.0 * spread, 1e-6))))
+    return f"{100.0 * error:.{digits}f} ± {100.0 * spread:.{digits}f} %"
+
+
 @contextmanager
 def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on a terminal, which begins with `label`; None, so that nothing is shown, anywhere else."""
+    """A bar on a terminal, which begins with `label`; elsewhere a line if kernels are compiled; None if quiet."""
     if quiet or not sys.stderr.isatty():
-        yield None
+        yield None if quiet else say_compilation
         return
     from rich.console import Console
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -84,12 +90,29 @@ def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress
         task = bar.add_task("load", total=None, speed="")
 
         def show(progress: Progress) -> None:
+            error = ""
+            if progress.relative_error is not None and progress.standard_error is not None:
+                error = f"error {error_text(progress.relative_error, progress.standard_error)}"
             bar.update(
                 task,
-                description=f"{label} {progress.phase} {progress.detail}".strip(),
+                description=" ".join(f"{label} {progress.phase} {progress.detail} {error}".split()),
                 completed=progress.done,
                 total=progress.total or None,  # unknown: the bar swings
                 speed=speed_text(progress.samples, progress.seconds) if progress.samples else "",
             )
 
         yield show
+
+
+def byte_text(size: float) -> str:
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024:
+            return f"{size:.4g} {unit}"
+        size /= 1024
+    return f"{size:.4g} GiB"
+
+
+def say_compilation(progress: Progress) -> None:
+    """Why nothing is seen for some seconds."""
+    if progress.phase == "compile" and progress.detail:
+        say(f"compiling {progress.detail}")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.cli.console import plain
+from warpmis.cli.console import byte_text, plain
 from warpmis.cli.render import add_stage_options, stage_options
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _print(inspection: Inspection) -> None:
         console.print(f"  {name} {_value(inspection.camera[name])}")
     if inspection.bounds is not None:
         console.print(f"bounds [scene units]  {_numbers(inspection.bounds[0])} to {_numbers(inspection.bounds[1])}")
-    console.print("memory  " + ", ".join(f"{name} {_bytes(size)}" for name, size in inspection.memory.items()))
+    console.print("memory  " + ", ".join(f"{name} {byte_text(size)}" for name, size in inspection.memory.items()))
     console.print("counts  " + ", ".join(f"{name} {count}" for name, count in inspection.counts.items()))
     lights = [(light.kind, light.path, _emitted(light), _power(light)) for light in inspection.lights]
     _table(console, ("light", "prim", "emits (red green blue)", f"power [{POWER_UNIT}]"), lights)
@@ -122,11 +122,3 @@ def _value(value: Any) -> str:
 
 def _numbers(values: Sequence[float]) -> str:
     return " ".join(f"{value:.4g}" for value in values)
-
-
-def _bytes(size: float) -> str:
-    for unit in ("B", "KiB", "MiB"):
-        if size < 1024:
-            return f"{size:.4g} {unit}"
-        size /= 1024
-    return f"{size:.4g} GiB"

@@ -11,19 +11,22 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.cli.console import plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.explain import explain
 from warpmis.cli.frames import frame_list
 from warpmis.cli.jobs import Job, jobs_of
-from warpmis.config import STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
+from warpmis.config import CEILING, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 from warpmis.result import IDS, RenderResult
 
 if TYPE_CHECKING:
+    from warpmis.features import Features
     from warpmis.rendering import Uploads
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
+FEATURES = ("scene", "all")
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
@@ -32,12 +35,11 @@ COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 def add_parser(commands: Any) -> None:
     """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
-    methods = "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
     parser = commands.add_parser(
         "render",
         help="render one image",
         description="Render one image.",
-        epilog=f"methods:\n{methods}",
+        epilog=methods_epilog(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -52,6 +54,10 @@ def add_parser(commands: Any) -> None:
     _add_learn_options(parser)
     _add_output_options(parser)
     parser.set_defaults(run=run)
+
+
+def methods_epilog() -> str:
+    return "methods:\n" + "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
 
 
 def add_stage_options(parser: argparse.ArgumentParser) -> Any:
@@ -84,29 +90,65 @@ def add_stage_options(parser: argparse.ArgumentParser) -> Any:
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to render")
     default = RenderConfig()
-    group.add_argument("--spp", type=int, metavar="N", help=f"samples per pixel, learning included ({default.spp})")
-    group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
     group.add_argument(
-        "--strategies", type=_names, metavar="A,B", help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})"
-    )
+        "--spp", type=int, metavar="N",
+        help=f"samples per pixel, learning included ({default.spp}); the most of them with the next two ({CEILING})",
+    )  # fmt: skip
+    group.add_argument(
+        "--target-error", type=_part, metavar="PERCENT",
+        help="render until the relative error of the image is below this, such as 1%% (95%% sure, by its own samples)",
+    )  # fmt: skip
+    group.add_argument(
+        "--time-limit", type=_seconds, metavar="SECONDS",
+        help="render for so long: learning and rendering, without loading and compiling",
+    )  # fmt: skip
+    add_kernel_options(group)
     group.add_argument(
         "--allocation", type=_shares, metavar="A,B", help="for --method fixed: each strategy's share, such as 0.5,0.5"
-    )
-    group.add_argument(
-        "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
     )
     group.add_argument(
         "--mis-compensation", action="store_true", default=None, help="sample a dome by what it has above its mean"
     )
     group.add_argument(
-        "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
-    )
-    group.add_argument(
         "--shutter-samples", type=_positive, metavar="N", help="times within the shutter, for motion blur (1: none)"
     )
     group.add_argument("--seed", type=int, metavar="N", help=f"the same seed gives the same image ({default.seed})")
-    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
     group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
+
+
+def add_kernel_options(group: Any) -> None:
+    """What decides, with the stage, which kernels are compiled."""
+    default = RenderConfig()
+    group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
+    group.add_argument(
+        "--strategies", type=_names, metavar="A,B", help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})"
+    )
+    group.add_argument(
+        "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
+    )
+    group.add_argument(
+        "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
+    )
+    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
+    group.add_argument(
+        "--ids", action="store_true", default=None, help="also primId, instanceId and elementId into the EXR"
+    )
+    group.add_argument(
+        "--features", choices=FEATURES, default=FEATURES[0],
+        help="effects in the kernels: those that the scene calls for, or all, which is slower and for comparison alone",
+    )  # fmt: skip
+
+
+def kernel_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What `add_kernel_options` asked for, but the features, as RenderConfig names it."""
+    names = ("method", "strategies", "strategy_choice", "max_depth", "device", "ids")
+    return given(**{name: getattr(arguments, name) for name in names})
+
+
+def forced_features(arguments: argparse.Namespace) -> Features | None:
+    from warpmis.features import Features
+
+    return Features.all() if arguments.features == "all" else None
 
 
 def _add_learn_options(parser: argparse.ArgumentParser) -> None:
@@ -129,7 +171,11 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
-    group.add_argument("--ids", action="store_true", help="also primId, instanceId and elementId into the EXR")
+    group.add_argument(
+        "--explain",
+        action="store_true",
+        help="say which effects the kernels hold, and what time and memory the render took",
+    )
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
 
@@ -142,6 +188,29 @@ def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
     return int(text)
+
+
+def _part(text: str) -> float:
+    """0.01 of "1%" or "0.01"."""
+    number, percent, rest = text.strip().partition("%")
+    value = _number(number, text, "no error such as 1% or 0.01") / (100.0 if percent else 1.0)
+    if rest or not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"'{text}' is no error such as 1% or 0.01, above 0 and at most 100%")
+    return value
+
+
+def _seconds(text: str) -> float:
+    value = _number(text, text, "no time in seconds such as 60")
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is no time in seconds such as 60")
+    return value
+
+
+def _number(text: str, whole: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{whole}' is {what}") from None
 
 
 def _time_code(text: str) -> float:
@@ -188,17 +257,14 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
         **given(
             width=arguments.image_width,
             spp=arguments.spp,
-            method=arguments.method,
-            strategies=arguments.strategies,
             allocation=arguments.allocation,
-            strategy_choice=arguments.strategy_choice,
             mis_compensation=arguments.mis_compensation,
-            max_depth=arguments.max_depth,
             seed=arguments.seed,
-            ids=arguments.ids or None,
-            device=arguments.device,
+            target_error=arguments.target_error,
+            time_limit=arguments.time_limit,
             threads=arguments.threads,
         ),
+        **kernel_options(arguments),
     )
 
 
@@ -245,11 +311,13 @@ def _render(
 ) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
-        more = given(shutter_samples=arguments.shutter_samples, uploads=uploads)
-        options = {**stage_options(arguments), **more, **job.options}
+        more = given(shutter_samples=arguments.shutter_samples, uploads=uploads, features=forced_features(arguments))
+        options = {**stage_options(arguments), **job.options}
         asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
-        result = warpmis.render(arguments.stage, config=asked, progress=show, **options)
+        result = warpmis.render(arguments.stage, config=asked, progress=show, **options, **more)
     report = _finish(result, job, arguments, said)
+    if arguments.explain:
+        explain(result, arguments.stage, options)
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
     return report
@@ -316,4 +384,9 @@ def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: floa
     phases = result.stats["seconds"]
     tracing = phases.get("learn", 0.0) + phases.get("render", 0.0)
     speed = speed_text(result.stats["samples"], tracing)
-    return f"{out}: {width} x {height}, {config.spp} spp, {seconds:.1f} s, {speed}"
+    told = result.stats.get("stopping", {})
+    line = f"{out}: {width} x {height}, {told.get('spp', config.spp)} spp, {seconds:.1f} s, {speed}"
+    if "bound" not in told:
+        return line
+    error = error_text(told["relative_error"], told["standard_error"])
+    return f"{line}, error {error}, below {100.0 * told['bound']:.3g} % by {100.0 * told['confidence']:.0f} %"

@@ -59,7 +59,11 @@ class Settings:
 
 @dataclass(frozen=True)
 class Run:
-    """One timed render. Errors include the reference's noise; `seconds` and `learn_seconds` exclude compilation."""
+    """One timed render.
+
+    Errors include the reference's noise; `seconds` and `learn_seconds` exclude compilation; rejected samples are those
+    that were not finite.
+    """
 
     spp: int
     seed: int
@@ -67,6 +71,7 @@ class Run:
     learn_seconds: float
     relative_mse: float
     mean_squared_error: float
+    rejected_samples: int
 
 
 @dataclass(eq=False)
@@ -274,6 +279,7 @@ class _Bench:
             learn_seconds=float(result.stats["seconds"]["learn"]),
             relative_mse=relative_mse(result.image, truth),
             mean_squared_error=mean_squared_error(result.image, truth),
+            rejected_samples=int(result.stats["rejected_samples"]),
         )
 
     def _added(self, pictures: Pictures | None, result: warpmis.RenderResult) -> Pictures:

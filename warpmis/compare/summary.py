@@ -56,7 +56,7 @@ def summarize(experiment: Experiment, stage: str) -> dict[str, Any]:
         "targets": list(TARGETS),
         "methods": [_method(measurement, experiment) for measurement in experiment.measurements],
         "warnings": _distinct([*result.warnings, *experiment.left_out, *_doubts(experiment, first)]),
-        "notes": _distinct(result.notes),
+        "notes": _distinct([note for one in experiment.measurements for note in _pictures(one).first.notes]),
     }
 
 
@@ -101,6 +101,7 @@ def _method(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
             "share_of_time": share,
             "per_sample": _cost(measurement) / _cost(experiment.measurements[0]),
         },
+        "rejected_samples": sum(run.rejected_samples for run in _all_runs(measurement)),
         "time_to": [_arrival(curve, target, share, _scatter(measurement, noise)) for target in TARGETS],
     }
 
@@ -155,6 +156,10 @@ def _curve(measurement: Measurement, noise: float, bias: float) -> Curve:
     return Curve(tuple(seconds), tuple(errors), bias)
 
 
+def _all_runs(measurement: Measurement) -> list[Run]:
+    return [*(run for runs in measurement.runs.values() for run in runs), *measurement.equal_time]
+
+
 def _long_runs(measurement: Measurement, longest: Sequence[Run]) -> list[Run]:
     """The runs that are at least about as long as `longest`, one budget's repetitions."""
     return [*longest, *(run for run in measurement.equal_time if run.spp >= 0.5 * longest[0].spp)]
@@ -177,6 +182,10 @@ def _doubts(experiment: Experiment, first: Run) -> list[str]:
         doubts.append(f"{experiment.reference.source}: {unknown}")
     elif first.relative_mse < 4.0 * _reference_noise(experiment.reference):
         doubts.append("the reference is hardly better than the longest runs: raise --reference-spp")
+    for measurement in experiment.measurements:
+        rejected = sum(run.rejected_samples for run in _all_runs(measurement))
+        if rejected:
+            doubts.append(f"{measurement.variant.label}: {rejected} samples were not finite and are in no picture")
     times = [_spread([run.seconds for run in measurement.equal_time]) for measurement in experiment.measurements]
     worst = max(time["high"] / time["low"] for time in times)
     if worst > BUSY:

@@ -35,6 +35,9 @@ from warpmis.scene import (
     SphereLight,
 )
 
+# No light counts for less than this share of the brightest one when lights are chosen.
+MIN_SHARE = 1e-20
+
 
 @dataclass(eq=False)
 class LightTables:
@@ -75,7 +78,16 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
         tables.lights.append(dome)
         tables.controls.append(domes[0].control)
     tables.controls += [light.control for light in delta]
+    make_luminance_relative(tables.lights)
     return tables
+
+
+def make_luminance_relative(lights: list[LightView]) -> None:
+    """Luminance as a share of the brightest light's: the choice among lights needs no more, and float32 could not hold
+    some lights' times their solid angle. The share stays above 0, or the light would never be sampled."""
+    brightest = max((light.luminance for light in lights), default=0.0)
+    for light in lights:
+        light.luminance = max(light.luminance / brightest, MIN_SHARE) if brightest > 0.0 else 1.0
 
 
 def add_records(tables: LightTables, lights: list[Light]) -> None:
@@ -129,6 +141,7 @@ def flat_record(light: RectLight | DiskLight) -> LightView:
     view.u = tuple(light.half_u)
     view.v = tuple(light.half_v)
     view.n = tuple(normal / length)
+    view.dual_u, view.dual_v = (tuple(row) for row in np.linalg.pinv(np.stack([light.half_u, light.half_v], axis=1)))
     # A sheared rectangle is farthest at a corner; no point of an ellipse lies beyond the root of its axes' squares.
     corner = max(np.linalg.norm(light.half_u + light.half_v), np.linalg.norm(light.half_u - light.half_v))
     view.bound = float(corner if rect else np.hypot(np.linalg.norm(light.half_u), np.linalg.norm(light.half_v)))

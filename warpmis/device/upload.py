@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,10 @@ import warp as wp
 
 from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
-from warpmis.device.instances import upload_instances
+from warpmis.device.instances import largest_shrinking, upload_instances
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
+from warpmis.device.mesh import padded_boxes, watertight_meshes
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.records import records
 from warpmis.device.views import (
@@ -30,11 +30,8 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.errors import ConfigError
-from warpmis.geometry import Geometry, joined
+from warpmis.geometry import Geometry, bounds, joined
 from warpmis.scene import Camera, Scene
-
-# Triangles a leaf of the mesh's BVH; measured by scripts/bench/bvh.py.
-LEAF_SIZE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,14 +123,17 @@ def upload_solids(scene: Scene, device: str) -> Solids:
     parts = [ordered(part) for part in scene.parts]
     geometry = joined(parts)
     first = np.cumsum([0, *(len(part.triangles) for part in parts)]).tolist()
+    whole = bounds(scene.geometry, scene.prototypes)
+    extent = 0.0 if whole is None else float((whole[1] - whole[0]).max())
+    reaches = [extent, *(extent * largest_shrinking(prototype) for prototype in scene.prototypes)]
     with wp.ScopedDevice(device):
+        meshes, points = watertight_meshes(geometry.points, geometry.triangles, first, reaches)
         fields = {
-            "points": wp.array(geometry.points, dtype=wp.vec3),
+            "points": points,
             "indices": wp.array(geometry.triangles, dtype=wp.vec3i),
             "normals": wp.array(geometry.normals, dtype=wp.vec3),
         }
-        meshes = upload_meshes(fields["points"], geometry, first)
-        instances, owned = upload_instances(scene.prototypes, meshes[1:], first[1:-1])
+        instances, owned = upload_instances(scene.prototypes, meshes[1:], first[1:-1], extent)
     return Solids(
         geometry, parts[0], {**fields, "mesh": meshes[0].id, **instances}, (*meshes, *owned, *fields.values())
     )
@@ -156,13 +156,6 @@ def ordered(geometry: Geometry) -> Geometry:
     order = morton_order(geometry.points, geometry.triangles)
     kept, triangles = first_use_order(geometry.triangles[order], len(geometry.points))
     return replace(geometry.ordered(order), points=geometry.points[kept], triangles=triangles)
-
-
-def upload_meshes(points: wp.array, geometry: Geometry, first: list[int]) -> list[wp.Mesh]:
-    """A tree for each of the stretches of triangles that begin and end at the rows `first`."""
-    corners = wp.array(geometry.triangles.ravel(), dtype=wp.int32)
-    stretches = [corners[3 * start : 3 * end] for start, end in pairwise(first)]
-    return [wp.Mesh(points, stretch, bvh_leaf_size=LEAF_SIZE) for stretch in stretches]
 
 
 def upload_ids(view: SceneView, geometry: Geometry) -> None:
@@ -201,8 +194,8 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
         return (controls,)
     view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
     view.emitter_cdf = wp.array(tables.emitter_cdf, dtype=float)
-    corners = geometry.points[geometry.triangles[tables.emitter_triangles]]
-    tree = wp.Bvh(wp.array(corners.min(axis=1), dtype=wp.vec3), wp.array(corners.max(axis=1), dtype=wp.vec3))
+    low, high = padded_boxes(geometry.points, geometry.triangles[tables.emitter_triangles])
+    tree = wp.Bvh(wp.array(low, dtype=wp.vec3), wp.array(high, dtype=wp.vec3))
     view.emitter_bvh = tree.id
     return tree, controls
 

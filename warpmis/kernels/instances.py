@@ -7,8 +7,8 @@ stay those of the world.
 import warp as wp
 
 from warpmis.device.views import InstanceView, SceneView
-from warpmis.kernels.frame import max_abs
-from warpmis.kernels.hit import OFFSET, Hit, closest_hit
+from warpmis.kernels.frame import max_abs, normal_of_edges
+from warpmis.kernels.hit import OFFSET, Hit, closest_hit, inner_point, inset_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -96,7 +96,9 @@ def offset_of(instance: InstanceView, p: wp.vec3, n: wp.vec3, carried: wp.vec3, 
     there = abs_product(instance.linear, p)
     back = abs_product(instance.inverse, there) + wp.vec3(corner, corner, corner)
     across = wp.abs(n[0]) * back[0] + wp.abs(n[1]) * back[1] + wp.abs(n[2]) * back[2]
-    return OFFSET * (max_abs(there) + max_abs(instance.translation) + across / wp.length(carried))
+    # A triangle without a normal has none to carry, either.
+    grown = across / wp.max(wp.length(carried), 1.0e-30)
+    return OFFSET * (max_abs(there) + max_abs(instance.translation) + grown)
 
 
 @wp.func
@@ -113,12 +115,14 @@ def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
     p0 = scene.points[corners[0]]
     p1 = scene.points[corners[1]]
     p2 = scene.points[corners[2]]
-    p = p0 * hit.u + p1 * hit.v + p2 * (1.0 - hit.u - hit.v)
-    hit.p = instance.linear * p + instance.translation
-    n = wp.normalize(wp.cross(p1 - p0, p2 - p0))
+    n = normal_of_edges(p1 - p0, p2 - p0)
     carried = normal_to_world(scene, hit.instance, n)
     corner = wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
+    p = inner_point(p0, p1, p2, hit.u, hit.v, 0.0)
     hit.offset = offset_of(instance, p, n, carried, corner)
+    # The offset is the world's, and so are the edges that it is held against.
+    inset = inset_of(instance.linear * (p1 - p0), instance.linear * (p2 - p0), hit.offset)
+    hit.p = instance.linear * inner_point(p0, p1, p2, hit.u, hit.v, inset) + instance.translation
     ng = wp.normalize(carried)
     hit.outside = 1
     if wp.dot(ng, wi) > 0.0:

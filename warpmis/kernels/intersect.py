@@ -29,6 +29,8 @@ def make_intersect(features: Features) -> SimpleNamespace:
     @wp.func
     def mapped_normal(scene: SceneView, hit: Hit, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
         """The normal `n`, on the ray's side, turned by a normal map, no further than the ray's origin can see it."""
+        if not materials.has_normal_map(scene, hit.triangle):
+            return n
         side = wp.where(hit.outside != 0, 1.0, -1.0)
         turned = materials.tilted(scene, hit, n * side) * side
         seen = -wp.dot(turned, wi)
@@ -76,15 +78,18 @@ def make_intersect(features: Features) -> SimpleNamespace:
         return share
 
     @wp.func
-    def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """What a shadow ray leaves of the light: 0 or 1 per colour among opaque surfaces."""
-        if wp.static(not features.opacity):
-            if wp.mesh_query_ray_anyhit(scene.mesh, origin, wi, distance):
+    def visibility(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """What a shadow ray leaves of the light among opaque surfaces: all or nothing."""
+        if wp.mesh_query_ray_anyhit(scene.mesh, origin, wi, distance):
+            return wp.vec3(0.0, 0.0, 0.0)
+        if wp.static(features.instances):
+            if is_occluded_by_instance(scene, origin, wi, distance):
                 return wp.vec3(0.0, 0.0, 0.0)
-            if wp.static(features.instances):
-                if is_occluded_by_instance(scene, origin, wi, distance):
-                    return wp.vec3(0.0, 0.0, 0.0)
-            return wp.vec3(1.0, 1.0, 1.0)
+        return wp.vec3(1.0, 1.0, 1.0)
+
+    @wp.func
+    def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """What a shadow ray leaves of the light among surfaces that let it through, per colour."""
         share = wp.vec3(1.0, 1.0, 1.0)
         start = origin
         left = distance
@@ -104,4 +109,9 @@ def make_intersect(features: Features) -> SimpleNamespace:
             start = hit.p - hit.ng * hit.offset
         return wp.vec3(0.0, 0.0, 0.0)
 
-    return SimpleNamespace(closest_hit=closest, shading_frame=shading_frame, passed=passed, transmittance=transmittance)
+    return SimpleNamespace(
+        closest_hit=closest,
+        shading_frame=shading_frame,
+        passed=passed,
+        transmittance=transmittance if features.opacity else visibility,
+    )

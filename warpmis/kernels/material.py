@@ -37,7 +37,7 @@ def clamped(color: wp.vec3, high: float) -> wp.vec3:
 
 @cache
 def make_material(features: Features) -> SimpleNamespace:
-    """Material functions for what varies in `features`: at, tilted."""
+    """Material functions for what varies in `features`: at, has_normal_map, tilted."""
     texture = make_texture(features)
 
     @wp.func
@@ -113,22 +113,24 @@ def make_material(features: Features) -> SimpleNamespace:
         return material
 
     @wp.func
+    def has_normal_map(scene: SceneView, triangle: int) -> bool:
+        row = scene.materials[scene.triangles[triangle].material].inputs
+        if row < 0:
+            return False
+        return scene.varying[0].inputs[row].normal_lookup >= 0
+
+    @wp.func
     def tilted(scene: SceneView, hit: Hit, n: wp.vec3) -> wp.vec3:
-        """The unit normal `n` (of the front, in the world) turned by the material's normal map; `n` where it has none.
+        """The unit normal `n` (of the front, in the world) turned by the normal map that the material has.
 
         The map's x and y go along the surface in the directions in which the texture coordinates grow:
         dp/ds and dp/dt from the triangle's edges, made orthogonal to n.
         Reference: Lengyel (2019), "Foundations of Game Engine Development 2", section 7.5.
         """
         triangle = hit.triangle
-        row = scene.materials[scene.triangles[triangle].material].inputs
-        if row < 0:
-            return n
         varying = scene.varying
-        row = varying[0].inputs[row].normal_lookup
-        if row < 0:
-            return n
-        lookup = varying[0].lookups[row]
+        row = scene.materials[scene.triangles[triangle].material].inputs
+        lookup = varying[0].lookups[varying[0].inputs[row].normal_lookup]
         corners = scene.indices[triangle]
         p2 = scene.points[corners[2]]
         e0 = scene.points[corners[0]] - p2
@@ -158,4 +160,4 @@ def make_material(features: Features) -> SimpleNamespace:
         length = wp.length(turned)
         return wp.where(length > 0.0, turned / wp.max(length, 1.0e-20), n)
 
-    return SimpleNamespace(at=at, tilted=tilted)
+    return SimpleNamespace(at=at, has_normal_map=has_normal_map, tilted=tilted)

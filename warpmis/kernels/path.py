@@ -11,7 +11,7 @@ import warp as wp
 
 from warpmis.device.views import DELTA_DISTANT, SceneView
 from warpmis.features import Features
-from warpmis.kernels import rng
+from warpmis.kernels import rng, roulette
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import Surface, make_surface
 from warpmis.kernels.frame import Frame, luminance, to_local, to_world
@@ -32,10 +32,6 @@ MIXTURE = wp.constant(1)  # from the mixture: its density is complete once the r
 WEIGHTED = wp.constant(2)  # from the BSDF, against the light sample of the same vertex
 PAIRED = wp.constant(3)  # the same at the mixture's vertex, for learning: its densities are to be completed, too
 
-# From this many bounces on a path may end by Russian roulette.
-ROULETTE_DEPTH = wp.constant(3)
-ROULETTE_MAX_SURVIVAL = wp.constant(0.95)
-
 
 def make_path(features: Features) -> SimpleNamespace:
     """The function Li, its result type PathSample and the strategies' namespace, for one set of effects."""
@@ -49,6 +45,8 @@ def make_path(features: Features) -> SimpleNamespace:
     has_events = features.smooth or features.opacity
     has_mixture = strategies.count > 0
     paired = "pair" in features.statistics
+    # Of paths that end behind the mixture's vertex none comes to a vertex without one.
+    has_next_event = features.indirect or paired or not has_mixture
 
     @wp.struct
     class PathSample:
@@ -58,9 +56,12 @@ def make_path(features: Features) -> SimpleNamespace:
         F = f / p_a, throughput up to its vertex included; direct: the part of it that came straight from the lights;
         q: p_s / p_a of its direction, or 1 / a_s for the one that drew in vain.
 
-        Where next-event estimation stands in for the mixture: light, light_share: the part of its light sample, and
-        p_bsdf / (p_bsdf + p_light) of that sample's direction; q is the same of the BSDF's direction, and direct the
-        weighted light that it met.
+        Where next-event estimation stands in for the mixture: light, light_share, light_rays: the part of its light
+        sample, p_bsdf / (p_bsdf + p_light) of that sample's direction, and its shadow rays; q is p_s / (p_bsdf +
+        p_light) of the BSDF's direction, and direct the weighted light that it met.
+
+        late: the part of mixed that was found after Russian roulette could have ended the path; throughput: that of
+        the last roulette, as if no roulette had been, and 1 without one.
 
         hit: 1 where a surface was met, of which albedo, normal and distance tell; alpha: 1 also for a light in view;
         early_rays, early_shadow_rays: those of all rays that were traced before Russian roulette could end the path;
@@ -70,9 +71,12 @@ def make_path(features: Features) -> SimpleNamespace:
         seen: wp.vec3
         mixed: wp.vec3
         direct: wp.vec3
+        late: wp.vec3
+        throughput: float
         q: vec_s
         light: wp.vec3
         light_share: float
+        light_rays: int
         alpha: float
         albedo: wp.vec3
         normal: wp.vec3
@@ -191,6 +195,7 @@ def make_path(features: Features) -> SimpleNamespace:
         Surfaces beyond `reach` are not in view. u_strategy chooses the strategy of the mixture's direction.
         """
         path = PathSample()
+        path.throughput = 1.0
         L = wp.vec3(0.0, 0.0, 0.0)
         beta = wp.vec3(1.0, 1.0, 1.0)
         wi = direction
@@ -203,6 +208,8 @@ def make_path(features: Features) -> SimpleNamespace:
         p = vec_s()
         mixed = int(-1)  # the bounce at which the mixture was drawn from; none yet
         bounces = int(0)
+        early = wp.vec3(0.0, 0.0, 0.0)
+        survived = float(1.0)
 
         for step in range(max_depth + 1 + MAX_PASSED):
             hit = intersect.closest_hit(scene, start, wi)
@@ -265,9 +272,8 @@ def make_path(features: Features) -> SimpleNamespace:
 
             frame = intersect.shading_frame(scene, hit, wi)
             wo = to_local(frame, -wi)
-            u_event = rng.uniform4_of_step(key, step, rng.EVENT)
             if wp.static(has_events):
-                event = events.choose(material, wo[2], u_event[0])
+                event = events.choose(material, wo[2], rng.uniform4_of_step(key, step, rng.EVENT)[0])
                 beta = wp.cw_mul(beta, event.weight)
                 if event.kind == PASS:
                     start = hit.p - hit.ng * hit.offset
@@ -323,16 +329,22 @@ def make_path(features: Features) -> SimpleNamespace:
                     strategy = strategies.choose(allocation, u_strategy)
                     # Until the direction's densities are known the path is of the strategy that drew it alone.
                     path.q = strategies.drawn_by(strategy, allocation)
-                    wi = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
-            if arrival >= WEIGHTED:
-                from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
-                L += wp.cw_mul(beta, from_light.radiance)
-                path.shadow_rays += from_light.rays
-                if wp.static(paired):
-                    if arrival == PAIRED:
-                        path.light = L
-                        path.light_share = from_light.share
-                wi = to_world(frame, surface.sample(s, u_scatter))
+                    drawn = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
+                    wi = drawn.wi
+                    r.drawn = drawn.light
+                    r.drawn_distance = drawn.distance
+                    r.drawn_pdf = drawn.pdf_of_light
+            if wp.static(has_next_event):
+                if arrival >= WEIGHTED:
+                    from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
+                    L += wp.cw_mul(beta, from_light.radiance)
+                    path.shadow_rays += from_light.rays
+                    if wp.static(paired):
+                        if arrival == PAIRED:
+                            path.light = L
+                            path.light_share = from_light.share
+                            path.light_rays = from_light.rays
+                    wi = to_world(frame, surface.sample(s, u_scatter))
 
             if wp.dot(wi, hit.ng) <= 0.0:
                 break
@@ -350,14 +362,19 @@ def make_path(features: Features) -> SimpleNamespace:
                 break
             if arrival >= WEIGHTED:
                 beta = beta / pdf_bsdf
-                if bounces >= ROULETTE_DEPTH:
-                    if path.early_rays == 0:
-                        path.early_rays = path.rays
-                        path.early_shadow_rays = path.shadow_rays
-                    survival = wp.min(wp.max(beta[0], wp.max(beta[1], beta[2])), ROULETTE_MAX_SURVIVAL)
-                    if u_event[2] >= survival:
-                        break
-                    beta = beta / survival
+                if wp.static(features.indirect):
+                    if bounces >= roulette.DEPTH:
+                        throughput = wp.max(beta)
+                        if path.early_rays == 0:
+                            path.early_rays = path.rays
+                            path.early_shadow_rays = path.shadow_rays
+                            early = L
+                        path.throughput = throughput * survived
+                        survival = roulette.survival(throughput)
+                        if rng.uniform4_of_step(key, step, rng.EVENT)[2] >= survival:
+                            break
+                        beta = beta / survival
+                        survived = survived * survival
         if mixed < 0:
             path.seen = L
         else:
@@ -365,6 +382,8 @@ def make_path(features: Features) -> SimpleNamespace:
             if path.early_rays == 0:
                 path.early_rays = path.rays
                 path.early_shadow_rays = path.shadow_rays
+            else:
+                path.late = L - early
         return path
 
     return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies, paired=paired)

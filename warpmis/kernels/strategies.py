@@ -90,13 +90,15 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
     @wp.func
     def sample(
         scene: SceneView, r: Receiver, frame: Frame, s: Surface, strategy: int, u: wp.vec4, v: wp.vec4
-    ) -> wp.vec3:
-        """A world direction from one strategy; the zero vector where there is none. v serves the lights, u the rest."""
+    ) -> LightSample:
+        """A world direction from one strategy, and the light that it was drawn towards, if any; wi is the zero vector
+        where there is none. v serves the lights, u the rest."""
+        drawn = LightSample()
         if total_of(r, strategy) > 0.0:
             towards = lights_of(scene, r, strategy, v)
-            if towards.pdf_solid_angle <= 0.0:
-                return wp.vec3(0.0, 0.0, 0.0)
-            return towards.wi
+            if towards.pdf_solid_angle > 0.0:
+                drawn = towards
+            return drawn
         u_lobe = wp.vec4(u[0], u[1], u[2], u[3])
         p_specular = s.p_specular + s.p_coat
         local = wp.vec3(0.0, 0.0, 0.0)
@@ -118,9 +120,9 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
                         u_lobe[0] = wp.max(s.p_diffuse, s.p_diffuse + u[0] * p_specular)
         if plain != 0:
             local = surface.sample(s, u_lobe)
-        if local[2] <= 0.0:
-            return wp.vec3(0.0, 0.0, 0.0)
-        return to_world(frame, local)
+        if local[2] > 0.0:
+            drawn.wi = to_world(frame, local)
+        return drawn
 
     @wp.func
     def vertex_densities(s: Surface, cos_theta: float, scattering: Scattering) -> vec_s:

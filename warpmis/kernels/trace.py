@@ -20,7 +20,8 @@ LEARN_DIRECT = wp.constant(2)
 
 # On a CPU the minima and maxima of the tree's traversal are an instruction each, instead of several, where NaN need not
 # be kept: a fifth of the whole time. What does become NaN is told by its bits, which the compiler leaves alone.
-CPU_FLAGS = f"{wp.config.cpu_compiler_flags} -menable-no-nans"
+# The compiler's warnings (-w: none) are about Warp's own source, and would be all that a user sees of a first render.
+CPU_FLAGS = f"{wp.config.cpu_compiler_flags} -menable-no-nans -w"
 
 
 @wp.func
@@ -30,19 +31,29 @@ def is_finite(value: float) -> bool:
 
 
 @wp.func
-def merged(luminance: wp.vec2d, count: int, sums: wp.vec2d, more: int) -> wp.vec2d:
-    """(mean, M2) of `count` samples joined by `more` samples of (sum, sum of squares).
+def widened(luminance: wp.vec2d, count: int, y: wp.float64) -> wp.vec2d:
+    """(mean, M2) of `count` samples joined by one more.
+
+    Reference: Welford (1962), "Note on a Method for Calculating Corrected Sums of Squares and Products".
+    """
+    apart = y - luminance[0]
+    mean = luminance[0] + apart / wp.float64(count + 1)
+    return wp.vec2d(mean, luminance[1] + apart * (y - mean))
+
+
+@wp.func
+def merged(luminance: wp.vec2d, count: int, more: wp.vec2d, more_count: int) -> wp.vec2d:
+    """(mean, M2) of `count` samples joined by that of `more_count` others.
 
     Reference: Chan, Golub, LeVeque (1983), "Algorithms for Computing the Sample Variance", equation 2.1.
     """
-    if more == 0:
+    if more_count == 0:
         return luminance
-    n = wp.float64(more)
-    mean = sums[0] / n
-    m2 = wp.max(sums[1] - sums[0] * mean, wp.float64(0.0))
-    total = n + wp.float64(count)
-    apart = mean - luminance[0]
-    return wp.vec2d(luminance[0] + apart * n / total, luminance[1] + m2 + apart * apart * wp.float64(count) * n / total)
+    n = wp.float64(count)
+    m = wp.float64(more_count)
+    apart = more[0] - luminance[0]
+    mean = luminance[0] + apart * m / (n + m)
+    return wp.vec2d(mean, luminance[1] + more[1] + apart * apart * n * m / (n + m))
 
 
 @cache
@@ -66,6 +77,7 @@ def make_trace(features: Features) -> wp.Kernel:
         scene: SceneView,
         camera: CameraView,
         first_pixel: int,
+        round_start: int,
         first_sample: int,
         samples: int,
         seed: wp.uint32,
@@ -102,7 +114,7 @@ def make_trace(features: Features) -> wp.Kernel:
             ray = camera_ray(camera, key, pixel, u[0], u[1])
             u_strategy = u[2]
             if stratified != 0:
-                u_strategy = rng.golden_ratio(key, first_sample)
+                u_strategy = rng.golden_ratio(key, round_start)
             sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
@@ -111,9 +123,8 @@ def make_trace(features: Features) -> wp.Kernel:
             if not is_finite(brightness):
                 rejected += 1
                 continue
-            y = wp.float64(brightness)
             color += wp.vec3d(radiance)
-            lum += wp.vec2d(y, y * y)
+            lum = widened(lum, k - rejected, wp.float64(brightness))
             albedo += wp.vec3d(sample.albedo)
             normal += wp.vec3d(sample.normal)
             depth += wp.float64(
@@ -125,16 +136,29 @@ def make_trace(features: Features) -> wp.Kernel:
                 sums = moments.add(sums, wp.where(learn == LEARN_DIRECT, sample.direct, sample.mixed), sample.q)
                 if wp.static(len(features.statistics) > 0):
                     if learn != LEARN_NOTHING:
+                        # Those of a path that the mixture took no part in are the same whatever the shares are.
                         cost = float(sample.rays) + SHADOW_RAY_COST * float(sample.shadow_rays)
+                        early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
                         if wp.static(path.paired):
                             indirect = sample.mixed - sample.light - sample.direct
                             s_bsdf = sample.q[wp.static(path.strategies.bsdf)]
                             sums = moments.add_pair(
-                                sums, sample.light, sample.light_share, sample.direct, indirect, s_bsdf, cost
+                                sums,
+                                sample.light,
+                                sample.light_share,
+                                sample.direct,
+                                indirect,
+                                sample.late,
+                                sample.throughput,
+                                s_bsdf,
+                                early - SHADOW_RAY_COST * float(sample.light_rays),
+                                cost - early,
+                                sample.light_rays,
                             )
                         else:
-                            early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
-                            sums = moments.add_statistics(sums, sample.mixed, early, cost - early, sample.q, a)
+                            sums = moments.add_statistics(
+                                sums, sample.mixed, sample.late, sample.throughput, early, cost - early, sample.q, a
+                            )
         film.color[pixel] = film.color[pixel] + color
         accepted = film.accepted[pixel]
         film.luminance[pixel] = merged(film.luminance[pixel], accepted, lum, samples - rejected)

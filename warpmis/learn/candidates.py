@@ -4,15 +4,16 @@ A sample taken with p_a tells the second moment that a candidate a' would have h
 
     M2(a') = E[F^2 p_a / p_a'],    p_a' / p_a = sum_s a'_s q_s
 
-This is exact however far a' is from a, where Newton's quadratic model is not, and it adds up over rounds whatever their
-allocations. With the choices of strategy stratified, the variance between the strategies' own means is not paid:
+(what Russian roulette changes in it: kernels/roulette.py). This is exact however far a' is from a, where Newton's
+quadratic model is not, and it adds up over rounds whatever their allocations. With the choices of strategy stratified,
+the variance between the strategies' own means is not paid:
 
     V(a') = M2(a') - sum_s a'_s mu_s^2,    mu_s = E[F' q_s p_a / p_a']
 
 The best is the least V, or V + weight x cost if the samples are pairs of next-event estimation (kernels/moments.py).
-That is then among the candidates: its two samples are independent, so their variances add up. Its cost is known, and
-from it a mixture's: without the shadow ray, and with paths that cost LIGHT_COST as much where the lights draw the
-direction, since more of these end at once. A pixel that goes on by next-event estimation has shares of 0.
+That is then among the candidates. Its cost is known, and from it a mixture's: without the shadow ray, and where the
+lights draw the direction, with what follows before Russian roulette at LIGHT_COST for those directions that can
+contribute, and none for the others. A pixel that goes on by next-event estimation has shares of 0.
 
 Reference: Veach (1997), section 9.2, the multi-sample and the one-sample model; Sbert, Havran, Szirmay-Kalos (2018),
 "Multiple Importance Sampling Revisited: Breaking the Bounds", for the deterministic mixture's variance.
@@ -24,16 +25,22 @@ import warp as wp
 
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 
-# Cost of a path whose first direction the lights drew, in units of one that the BSDF drew: scripts/bench/cost.py.
-LIGHT_COST = 0.6
+# Cost of what follows a direction that the lights drew, in units of what follows one that the BSDF drew:
+# scripts/bench/cost.py.
+LIGHT_COST = 0.85
+
+
+# Stratified choices give a strategy its share of n samples but for a number whose variance is about 0.5, so that of the
+# squared distance between the strategies' means 0.5 / n is paid; here for n = 256. It decides where one strategy alone
+# has no variance: all shares would seem as good.
+UNEVEN = 0.5 / 256.0
 
 
 @cache
 def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
-    """Solver kernel for two strategies: (first, relative moments, cost weight, margin) -> allocation, (V, cost).
+    """Solver kernel for two strategies: (first, relative moments, cost weight) -> allocation, (V, cost).
 
-    V and cost are the chosen candidate's. A mixture must be better than next-event estimation by `margin`. The first
-    strategy is the BSDF if the samples come in pairs.
+    V and cost are the chosen candidate's. The first strategy is the BSDF if the samples come in pairs.
     """
     vec_k = layout.vec
     vec_s = wp.types.vector(length=2, dtype=wp.float32)
@@ -47,8 +54,13 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
     def cost_of(known: vec_k, share: wp.float64) -> wp.float64:
         if wp.static(pair < 0):
             return wp.float64(1.0)
-        of_bsdf = known[wp.static(pair + 4)] - wp.float64(SHADOW_RAY_COST)
-        return of_bsdf * (share + (wp.float64(1.0) - share) * wp.float64(wp.static(LIGHT_COST)))
+        reached = known[wp.static(pair)]
+        onwards = known[wp.static(pair + 1)] - reached
+        if reached > wp.float64(0.0):
+            alive = known[wp.static(pair + 3)] / reached
+            by_lights = (wp.float64(1.0) - share) * alive * wp.float64(wp.static(LIGHT_COST))
+            onwards = onwards * (share + by_lights)
+        return reached + onwards + known[wp.static(pair + 2)]
 
     @wp.func
     def variance_of(second: wp.float64, first_mean: wp.float64, mean: wp.float64, share: wp.float64) -> wp.float64:
@@ -59,18 +71,18 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
         return second - share * first_mean * first_mean - rest * rest / (wp.float64(1.0) - share)
 
     @wp.func
-    def variance_of_next_event(known: vec_k) -> wp.float64:
-        from_light = known[wp.static(pair)]
-        from_bsdf = known[wp.static(pair + 2)]
-        squares = known[wp.static(pair + 1)] + known[wp.static(pair + 3)]
-        return squares - from_light * from_light - from_bsdf * from_bsdf
+    def unevenness(first_mean: wp.float64, mean: wp.float64, share: wp.float64) -> wp.float64:
+        """What stratified choices leave of the variance between the strategies' means mu_s."""
+        if wp.static(not stratified):
+            return wp.float64(0.0)
+        apart = (first_mean - mean) / (wp.float64(1.0) - share)
+        return wp.float64(wp.static(UNEVEN)) * apart * apart
 
     @wp.kernel(module="unique", enable_backward=False)
     def best_candidate(
         first: int,
         moments: wp.array(dtype=vec_k),
         cost_weight: wp.float64,
-        margin: wp.float64,
         allocation: wp.array(dtype=vec_s),
         efficiency: wp.array(dtype=wp.vec2d),
     ):
@@ -88,14 +100,16 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
             of_first = known[wp.static(candidates + 2 * k + 1)]
             variance = variance_of(second, of_first, known[wp.static(mean)], share)
             spent = cost_of(known, share)
-            if variance + cost_weight * spent < best:
-                best = variance + cost_weight * spent
+            loss = variance + cost_weight * spent + unevenness(of_first, known[wp.static(mean)], share)
+            if loss < best:
+                best = loss
                 chosen = vec_s(float(share), 1.0 - float(share))
                 of_chosen = wp.vec2d(variance, spent)
         if wp.static(pair >= 0):
-            spent = known[wp.static(pair + 4)]
-            variance = variance_of_next_event(known)
-            if (variance + cost_weight * spent) * (wp.float64(1.0) - margin) < best:
+            spent = known[wp.static(pair + 1)] + known[wp.static(pair + 2)]
+            spent += wp.float64(SHADOW_RAY_COST) * known[wp.static(pair + 3)]
+            variance = known[wp.static(mean + 1)] - known[wp.static(mean)] * known[wp.static(mean)]
+            if variance + cost_weight * spent < best:
                 chosen = vec_s(0.0, 0.0)
                 of_chosen = wp.vec2d(variance, spent)
         allocation[pixel] = chosen

@@ -12,14 +12,11 @@ from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
 from warpmis.learn.candidates import make_candidates
 from warpmis.learn.expectation import make_expectation
+from warpmis.learn.neighbours import Launch, Neighbours
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
-from warpmis.learn.pooling import FLOOR, make_pool, make_scale
 from warpmis.methods import Method
-
-# Runs a kernel over all pixels: its first argument is the first pixel of a launch, these are the others.
-Launch = Callable[[wp.Kernel, list[Any]], None]
 
 # The solver kernels by name, but for the one that also needs to know how strategies are chosen.
 SOLVERS: dict[str, Callable[[Layout], wp.Kernel]] = {
@@ -34,9 +31,6 @@ TRUSTED = 0.95
 
 # Fixed-point steps of that weight.
 COST_STEPS = 3
-
-# The least of several noisy estimates is too low, by about this over the root of the samples per pixel.
-NOISE = 0.3
 
 
 class Learner:
@@ -60,17 +54,21 @@ class Learner:
             self.efficiency = wp.zeros(pixels, dtype=wp.vec2d, device=device)
         elif method.learns:
             self.solver = SOLVERS[method.solver](self.layout)
-        self.pools = "mean" in method.statistics
-        if self.pools:
-            self.scale, self.pool = make_scale(self.layout), make_pool(self.layout)
-            self.scales = wp.zeros(pixels, dtype=wp.float64, device=device)
-            self.pooled = wp.zeros(pixels, dtype=self.layout.vec, device=device)
+        self.neighbours = None
+        if "mean" in method.statistics:
+            self.neighbours = Neighbours(self.layout, method.pool_radius, size, device)
 
     @property
     def kernels(self) -> list[wp.Kernel]:
         """All that will be launched, so that they can be compiled beforehand."""
         solver = [self.solver] if self.method.learns else []
-        return [*solver, self.scale, self.pool] if self.pools else solver
+        return [*solver, *self.neighbours.kernels] if self.neighbours else solver
+
+    @property
+    def buffers(self) -> list[Any]:
+        """All that is kept on the device, among what is not."""
+        pooling = vars(self.neighbours).values() if self.neighbours else ()
+        return [*vars(self).values(), *pooling]
 
     @property
     def min_share(self) -> float:
@@ -84,26 +82,25 @@ class Learner:
 
     def step(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
         """Replace the allocation by the next one; `film` holds the samples of the moments."""
-        if self.pools:
-            self._pool(film, launch)
-        if self.method.solver == "newton_simplex":
-            launch(self.solver, [self.pooled, allocation, self.min_share])
-        elif self.method.solver == "candidates":
-            self._choose(allocation, film, launch)
+        if self.neighbours:
+            self.neighbours.pool(self.moments, film, launch)
+            if self.method.solver == "candidates":
+                self._choose(self.neighbours.pooled, allocation, launch)
+            else:
+                launch(self.solver, [self.neighbours.pooled, allocation, self.min_share])
         elif self.method.solver == "expectation":
             launch(self.solver, [self.moments, allocation, self.min_share])
         else:
             launch(self.solver, [self.moments, allocation, self.method.min_share, self.method.max_share])
 
-    def _choose(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
+    def _choose(self, pooled: wp.array, allocation: wp.array, launch: Launch) -> None:
         """Least variance; where cost counts, least product of the picture's variance and cost, by fixed point.
 
         All pixels take the same number of samples, so it is the product of the sums that is to be small: its derivative
         weighs cost by their quotient. Time saved where there is little noise is as good as any.
         """
-        margin = NOISE / float(np.sqrt(max(int(film.accepted.numpy().max()), 1)))
         weight = 0.0
-        launch(self.solver, [self.pooled, weight, margin, allocation, self.efficiency])
+        launch(self.solver, [pooled, weight, allocation, self.efficiency])
         for _ in range(COST_STEPS if self.method.cost_aware else 0):
             variance, cost = self.efficiency.numpy().T
             lit = np.isfinite(variance) & (variance > 0.0)
@@ -111,12 +108,4 @@ class Learner:
                 return
             trusted = variance[lit] <= np.quantile(variance[lit], TRUSTED)
             weight = float(variance[lit][trusted].sum() / cost[lit][trusted].sum())
-            launch(self.solver, [self.pooled, weight, margin, allocation, self.efficiency])
-
-    def _pool(self, film: FilmView, launch: Launch) -> None:
-        total = self.moments.numpy()[:, self.layout.offset("mean")]
-        usable = total[np.isfinite(total)]
-        floor = FLOOR * float(usable.sum()) / max(int(film.accepted.numpy().sum()), 1)
-        launch(self.scale, [self.moments, film, self.width, self.height, floor, self.scales])
-        radius = self.method.pool_radius
-        launch(self.pool, [self.moments, self.scales, film, self.width, self.height, radius, self.pooled])
+            launch(self.solver, [pooled, weight, allocation, self.efficiency])

@@ -1,10 +1,12 @@
 """Moments relative to a pixel's brightness, pooled over its neighbours: what one pixel has seen, the next need not.
 
 Each pixel's moments are divided by its samples and by the power of its mean that makes them unitless, then averaged
-over a square of pixels. A neighbour counts by how alike its first hits are, in normal, albedo and depth, so that the
-allocation does not bleed over edges.
+over a square of pixels, along the rows first, then along the columns. A neighbour counts by how alike its first hits
+are, in normal, albedo and depth, so that the allocation does not bleed over edges. The mean of the whole picture joins
+in with the weight of PRIOR samples: where little is known, what holds elsewhere is likelier than what few samples say.
 
-Reference: Schied et al. (2017), "Spatiotemporal Variance-Guided Filtering", for the edge-stopping weights.
+Reference: Schied et al. (2017), "Spatiotemporal Variance-Guided Filtering", for the edge-stopping weights; Pham and van
+Vliet (2005), "Separable Bilateral Filtering for Fast Video Preprocessing", for the two passes.
 """
 
 from functools import cache
@@ -21,11 +23,14 @@ NORMAL_SPREAD = 0.1
 ALBEDO_SPREAD = 0.02
 DEPTH_SPREAD = 0.1
 
-# Every other pixel of the square is pooled: a quarter of the work for nearly as wide a view.
-STRIDE = 2
-
 # The mean of a pixel is that of the 3 x 3 about it, and at least this share of the whole picture's.
 FLOOR = 1e-3
+
+# Samples that the whole picture's mean counts for.
+PRIOR = 20.0
+
+# A neighbour that counts for less is left out.
+LEAST_ALIKE = 1e-3
 
 
 @wp.struct
@@ -61,21 +66,31 @@ def alike(a: Guide, b: Guide) -> float:
 
 
 @cache
-def make_scale(layout: Layout) -> wp.Kernel:
-    """Kernel: (first, moments, film, width, height, floor) -> one over each pixel's mean."""
+def make_relative(layout: Layout) -> wp.Kernel:
+    """Kernel: (first, moments, film, width, height, floor) -> each pixel's relative moments, weight and guide.
+
+    The weight is 1, or 0 where nothing was sampled.
+    """
     vec_k = layout.vec
     mean = layout.offset("mean")
+    size = layout.size
+    powers = tuple(layout.power(entry) for entry in range(size))
+    signature = crc32(repr(layout).encode()) >> 1  # as in kernels/trace.py
 
     @wp.kernel(module="unique", enable_backward=False)
-    def scale(
+    def relative(
         first: int,
         moments: wp.array(dtype=vec_k),
         film: FilmView,
         width: int,
         height: int,
         floor: wp.float64,
-        scales: wp.array(dtype=wp.float64),
+        own: wp.array(dtype=vec_k),
+        weights: wp.array(dtype=float),
+        guides: wp.array(dtype=Guide),
     ):
+        if wp.static(signature) < 0:
+            return
         pixel = first + wp.tid()
         total = wp.float64(0.0)
         samples = wp.float64(0.0)
@@ -89,61 +104,102 @@ def make_scale(layout: Layout) -> wp.Kernel:
         brightness = floor
         if samples > wp.float64(0.0):
             brightness += total / samples
-        scales[pixel] = wp.float64(0.0)
+        scale = wp.float64(0.0)
         if brightness > wp.float64(0.0) and wp.isfinite(brightness):
-            scales[pixel] = wp.float64(1.0) / brightness
+            scale = wp.float64(1.0) / brightness
+        weights[pixel] = 0.0
+        part = vec_k()
+        if film.accepted[pixel] > 0:
+            weights[pixel] = 1.0
+            part = moments[pixel] / wp.float64(film.accepted[pixel])
+            for k in range(wp.static(size)):
+                if wp.static(powers[k] == 1):
+                    part[k] = part[k] * scale
+                if wp.static(powers[k] == 2):
+                    part[k] = part[k] * scale * scale
+        own[pixel] = part
+        guides[pixel] = guide_of(film, pixel)
 
-    return scale
+    return relative
+
+
+@cache
+def make_row_sums(layout: Layout) -> wp.Kernel:
+    """Kernel, a thread a row: (means, weights, width) -> sums over the pixels that found light, and their number."""
+    vec_k = layout.vec
+    mean = layout.offset("mean")
+    signature = crc32(repr(layout).encode()) >> 1
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def row_sums(
+        means: wp.array(dtype=vec_k),
+        weights: wp.array(dtype=float),
+        width: int,
+        sums: wp.array(dtype=vec_k),
+        counts: wp.array(dtype=float),
+    ):
+        if wp.static(signature) < 0:
+            return
+        row = wp.tid()
+        total = vec_k()
+        count = float(0.0)
+        for x in range(width):
+            own = means[row * width + x]
+            if weights[row * width + x] > 0.0 and own[wp.static(mean + 1)] > wp.float64(0.0) and wp.isfinite(own):
+                total += own
+                count += 1.0
+        sums[row] = total
+        counts[row] = count
+
+    return row_sums
 
 
 @cache
 def make_pool(layout: Layout) -> wp.Kernel:
-    """Kernel: (first, moments, scales, film, width, height, radius) -> relative moments, pooled."""
+    """Kernel: (first, means, weights, guides, width, height, radius, along x or y, prior, its weight) -> means and
+    weights of a line of pixels with the prior among them."""
     vec_k = layout.vec
-    size = layout.size
-    powers = tuple(layout.power(entry) for entry in range(size))
-    signature = crc32(repr(layout).encode()) >> 1  # as in kernels/trace.py
+    signature = crc32(repr(layout).encode()) >> 1
 
     @wp.kernel(module="unique", enable_backward=False)
     def pool(
         first: int,
-        moments: wp.array(dtype=vec_k),
-        scales: wp.array(dtype=wp.float64),
-        film: FilmView,
+        means: wp.array(dtype=vec_k),
+        weights: wp.array(dtype=float),
+        guides: wp.array(dtype=Guide),
         width: int,
         height: int,
         radius: int,
+        along_x: int,
+        prior: vec_k,
+        prior_weight: float,
         pooled: wp.array(dtype=vec_k),
+        pooled_weights: wp.array(dtype=float),
     ):
         if wp.static(signature) < 0:
             return
         pixel = first + wp.tid()
-        center = guide_of(film, pixel)
+        center = guides[pixel]
+        at = pixel / width
+        length = height
+        stride = width
+        if along_x != 0:
+            at = pixel % width
+            length = width
+            stride = 1
         total = vec_k()
-        weight = wp.float64(0.0)
-        reach = radius / wp.static(STRIDE)
-        for row in range(-reach, reach + 1):
-            for column in range(-reach, reach + 1):
-                x = pixel % width + wp.static(STRIDE) * column
-                y = pixel / width + wp.static(STRIDE) * row
-                if x >= 0 and x < width and y >= 0 and y < height:
-                    other = y * width + x
-                    samples = wp.float64(film.accepted[other])
-                    w = float(1.0)
-                    if other != pixel:
-                        w = alike(center, guide_of(film, other))
-                    if w > 1.0e-3 and samples > wp.float64(0.0):
-                        weight += wp.float64(w)
-                        scale = scales[other]
-                        part = moments[other] * (wp.float64(w) / samples)
-                        for k in range(wp.static(size)):
-                            if wp.static(powers[k] == 1):
-                                part[k] = part[k] * scale
-                            if wp.static(powers[k] == 2):
-                                part[k] = part[k] * scale * scale
-                        total += part
-        if weight > wp.float64(0.0):
-            total = total / weight
+        weight = float(0.0)
+        for step in range(wp.max(-radius, -at), wp.min(radius, length - 1 - at) + 1):
+            other = pixel + step * stride
+            w = weights[other]
+            if step != 0 and w > 0.0:
+                w = w * alike(center, guides[other])
+            if w > wp.static(LEAST_ALIKE):
+                weight += w
+                total += means[other] * wp.float64(w)
+        if weight > 0.0:
+            total = (total + prior * wp.float64(prior_weight)) / wp.float64(weight + prior_weight)
         pooled[pixel] = total
+        pooled_weights[pixel] = weight
 
     return pool

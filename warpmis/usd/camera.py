@@ -37,8 +37,11 @@ def read_camera(
     geometry: Geometry,
     prototypes: tuple[Prototype, ...],
     lights: list[Light],
+    origin: NDArray[np.float64],
 ) -> tuple[Camera, tuple[int, int]]:
     """The camera to render through and the resolution (width, height) [pixel], both of the data window alone.
+
+    Geometry, lights and the camera returned stand in the scene's coordinates, which begin at `origin`.
 
     The camera is the one asked for, else the RenderSettings', else the one of USD's primary camera name, else the
     first of the stage, else one that frames the geometry as usdrecord's does.
@@ -54,6 +57,7 @@ def read_camera(
         reading.notes.append("the stage has no camera: one that frames the geometry is used")
     else:
         path, gf_camera = str(prim.GetPath()), _lens(prim, reading)
+        gf_camera.transform *= Gf.Matrix4d().SetTranslate(Gf.Vec3d(*(-origin).tolist()))
     resolution = picture_resolution(gf_camera, settings, width)
     camera = fitted_camera(path, gf_camera, resolution, settings)
     if prim is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,9 @@ Vector = NDArray[np.float64]
 
 # How far a transform may be from a uniform scale and a rotation to keep a sphere a sphere.
 SIMILARITY_TOLERANCE = 1e-5
+
+# Above this the products of radiance with weights and densities overflow float32.
+MAX_RADIANCE = 1e30
 
 # DomeLight_1 with a Z pole: latitude 0, longitude 0 (+Z of the dome's frame) looks along -Y, the pole (+Y) along +Z.
 Z_POLE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -91,7 +95,9 @@ def read_light(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> li
     lights = [read(prim, matrix, emission, reading) for matrix in matrices]
     controls = [read_control(prim, matrix, reading) for matrix in matrices]
     return [
-        replace(light, control=control) for light, control in zip(lights, controls, strict=True) if light is not None
+        replace(light, control=control)
+        for light, control in zip(lights, controls, strict=True)
+        if light is not None and is_in_range(emission.path, _radiance(light), reading)
     ]
 
 
@@ -108,7 +114,7 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
     if not np.isfinite(radiance).all() or np.abs(radiance).max() > MAX_COORDINATE or intensity < 0.0:
         reading.warn(
             path, f"the light is left out: intensity {intensity:g}, exposure {exposure:g} and color must give a "
-            "radiance that is finite and not negative"
+            f"finite radiance from 0 to {MAX_COORDINATE:g}"
         )  # fmt: skip
         return None
     if (radiance < 0.0).any():
@@ -117,6 +123,18 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
     if not radiance.any():
         return None
     return Emission(str(path), radiance, bool(reading.get(light.GetNormalizeAttr(), False)))
+
+
+def is_in_range(path: str, radiance: Any, reading: Reading) -> bool:
+    """Whether float32 can hold a light's radiance, its division by the size done; a warning where not."""
+    if np.max(radiance) <= MAX_RADIANCE:
+        return True
+    reading.warn(path, f"the light is left out: it is so small that its radiance would be above {MAX_RADIANCE:g}")
+    return False
+
+
+def _radiance(light: Light | EmissiveSurface) -> Any:
+    return light.material.mean_emission if isinstance(light, EmissiveSurface) else light.radiance
 
 
 def blackbody_color(temperature: float) -> Vector:
@@ -260,14 +278,21 @@ def uniform_scale(linear: Vector) -> float | None:
 
 def ellipsoid_area(linear: Vector, radius: float) -> float:
     """Area of a sphere's image under a matrix of shape (3, 3): radius^2 times the integral of |cofactors n| over n."""
+    normals, solid_angles = _directions()
+    stretch = np.linalg.norm(normals @ cofactors(linear), axis=-1)
+    return float(stretch @ solid_angles) * radius * radius
+
+
+@cache
+def _directions() -> tuple[Vector, Vector]:
+    """Nodes of a quadrature over the sphere, shape (n, 3), and the solid angle of each, shape (n,)."""
     cosine, weight = np.polynomial.legendre.leggauss(64)
     angle = 2.0 * np.pi * (np.arange(128) + 0.5) / 128
     sine = np.sqrt(1.0 - cosine**2)[:, None]
     normals = np.stack(
         [sine * np.cos(angle), sine * np.sin(angle), np.broadcast_to(cosine[:, None], (64, 128))], axis=-1
     )
-    stretch = np.linalg.norm(normals @ cofactors(linear), axis=-1)
-    return float((stretch * weight[:, None]).sum() * 2.0 * np.pi / 128) * radius * radius
+    return normals.reshape(-1, 3), np.repeat(weight, 128) * (2.0 * np.pi / 128)
 
 
 def cylinder_area(linear: Vector, length: float, radius: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warpmis.light_control import LightControl
 from warpmis.usd.geometry import Shading, Surface
-from warpmis.usd.light import Emission, read_emission, shining_black
+from warpmis.usd.light import Emission, is_in_range, read_emission, shining_black
 from warpmis.usd.light_control import read_control, warn_unhonoured
 from warpmis.usd.material import MaterialReader
 from warpmis.usd.reading import Reading
@@ -31,6 +31,8 @@ def read_mesh_light(
     """
     emission = read_emission(prim, reading)
     radiance = np.zeros(3) if emission is None else _radiance(emission, surface, matrix)
+    if emission is not None and not is_in_range(emission.path, radiance, reading):
+        radiance = np.zeros(3)
     control = read_control(prim, matrix, reading)
     warn_unhonoured(prim, reading)
     mode = str(reading.get(prim.GetAttribute("light:materialSyncMode"), "noMaterialResponse"))

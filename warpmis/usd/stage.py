@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
-from warpmis.usd.camera import read_camera
+from warpmis.usd.camera import light_boxes, read_camera
 from warpmis.usd.curves import read_curves
 from warpmis.usd.geometry import Shading, Surface
 from warpmis.usd.instances import Placement, placements
@@ -23,6 +24,7 @@ from warpmis.usd.material import MaterialReader
 from warpmis.usd.mesh import read_mesh
 from warpmis.usd.mesh_light import read_mesh_light
 from warpmis.usd.opening import open_stage
+from warpmis.usd.origin import Bounds, moved, placed_box, scene_origin
 from warpmis.usd.placing import GeometryBuilder
 from warpmis.usd.points import read_points
 from warpmis.usd.primitives import is_primitive, read_primitive
@@ -109,12 +111,10 @@ def load_stage(
 
 
 def _read_scene(reading: Reading, settings: Settings, camera: str | None, width: int | None) -> Scene:
-    contents = StageContents(reading, settings.material_purposes)
-    for placement in placements(reading):
-        try:
-            contents.add(placement)
-        except PxrError as error:
-            reading.warn(placement.prim.GetPath(), f"left out: {one_line(error)}")
+    contents = _read_contents(reading, settings, np.zeros(3))
+    origin = scene_origin([*contents.boxes, *light_boxes(contents.lights)])
+    if origin.any():
+        contents = _read_contents(reading, settings, origin)
     materials = tuple(contents.materials.materials)
     geometry, prototypes = contents.geometry.build(materials)
     name = Path(reading.stage.GetRootLayer().GetDisplayName()).name
@@ -126,7 +126,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
-    found, resolution = read_camera(reading, settings, camera, width, geometry, prototypes, contents.lights)
+    found, resolution = read_camera(reading, settings, camera, width, geometry, prototypes, contents.lights, origin)
     return Scene(
         name=name,
         camera=found,
@@ -136,9 +136,20 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
         prims=linked_prims(contents.geometry.prims, reading),
         prototypes=prototypes,
         lights=linked_lights(contents.lights, contents.geometry.prims, reading),
+        origin=origin,
         time=float(reading.time.GetValue()),
         notes=tuple(reading.notes),
     )
+
+
+def _read_contents(reading: Reading, settings: Settings, origin: NDArray[np.float64]) -> StageContents:
+    contents = StageContents(reading, settings.material_purposes, origin)
+    for placement in placements(reading):
+        try:
+            contents.add(placement)
+        except PxrError as error:
+            reading.warn(placement.prim.GetPath(), f"left out: {one_line(error)}")
+    return contents
 
 
 @dataclass(eq=False)
@@ -146,16 +157,20 @@ class StageContents:
     """What has been read of a stage so far.
 
     Attributes:
+        origin: of the scene's coordinates, in the stage's world, shape (3,).
         surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
         material_purposes: of bindings, as Settings.material_purposes.
         light_prims: number of light prims of a supported type, those included that turned out to emit nothing.
+        boxes: of all instances of each gprim.
     """
 
     reading: Reading
     material_purposes: tuple[str, ...]
+    origin: NDArray[np.float64]
     lights: list[Light] = field(default_factory=list)
     surfaces: dict[Any, Surface | None] = field(default_factory=dict)
     light_prims: int = 0
+    boxes: list[Bounds] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.geometry = GeometryBuilder(self.reading)
@@ -163,6 +178,7 @@ class StageContents:
 
     def add(self, placement: Placement) -> None:
         """Reads one prim, whatever it is, at all its places."""
+        placement = replace(placement, matrices=moved(placement.matrices, self.origin))
         prim = placement.prim
         if prim.IsA(UsdGeom.Gprim):
             self._add_gprim(placement)
@@ -179,11 +195,11 @@ class StageContents:
             self.light_prims += 1
             for matrix in placement.matrices:
                 shading, control = read_mesh_light(prim, surface, matrix, self.materials, self.reading)
-                self.geometry.add(Prim(str(prim.GetPath()), double_sided, control), surface, shading, matrix[None])
+                self._place(Prim(str(prim.GetPath()), double_sided, control), surface, shading, matrix[None])
             return
         shading = self.materials.of_surface(prim, surface)
         is_shared = bool(prim.IsInstanceProxy())
-        self.geometry.add(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices, is_shared)
+        self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices, is_shared)
 
     def _surface(self, prim: Any) -> Surface | None:
         """The gprim's triangles; those of a native instance are read once for all instances."""
@@ -193,6 +209,12 @@ class StageContents:
         if source not in self.surfaces:
             self.surfaces[source] = read_surface(prim, self.reading)
         return self.surfaces[source]
+
+    def _place(
+        self, prim: Prim, surface: Surface, shading: Shading, matrices: NDArray[np.float64], is_shared: bool = False
+    ) -> None:
+        self.boxes.append(placed_box(surface, matrices))
+        self.geometry.add(prim, surface, shading, matrices, is_shared)
 
     def _add_light(self, placement: Placement) -> None:
         prim = placement.prim
@@ -209,7 +231,7 @@ class StageContents:
                 count, index = len(light.surface.triangles), self.materials.index(light.material)
                 shading = Shading(np.full(count, index), np.zeros((count, 3, 0), np.float32))
                 prim_of_light = Prim(light.material.path, control=light.control)
-                self.geometry.add(prim_of_light, light.surface, shading, light.matrix[None])
+                self._place(prim_of_light, light.surface, shading, light.matrix[None])
             else:
                 self.lights.append(light)
 

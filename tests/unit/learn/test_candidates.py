@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import warp as wp
-from toys import Toy, bad_moments, filled, smooth
+from numpy.typing import NDArray
+from toys import Toy, bad_moments, filled, perfect, smooth
 
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 from warpmis.learn.candidates import LIGHT_COST, make_candidates
@@ -16,9 +17,6 @@ from warpmis.methods import METHODS
 SHARES = np.array(CANDIDATES)
 MIXTURE = Layout(2, METHODS["accumulated"].statistics)
 PAIRS = Layout(2, METHODS["auto"].statistics)
-
-# How much better than next-event estimation a mixture must be, of both losses.
-MARGIN = 0.05
 
 # So much more variance that a candidate is not chosen.
 HOPELESS = 1e6
@@ -38,7 +36,7 @@ def choose(layout: Layout, moments: np.ndarray, *, stratified: bool = True, weig
     shares = wp.array(np.float32([[0.35, 0.65]]), dtype=vec_s, device="cpu")
     known = wp.array(moments[None], dtype=layout.vec, device="cpu")
     efficiency = wp.zeros(1, dtype=wp.vec2d, device="cpu")
-    inputs = [0, known, weight, MARGIN, shares, efficiency]
+    inputs = [0, known, weight, shares, efficiency]
     wp.launch(make_candidates(layout, stratified), dim=1, inputs=inputs, device="cpu")
     return Chosen(shares.numpy()[0].astype(np.float64), *efficiency.numpy()[0])
 
@@ -48,7 +46,8 @@ def known_of(toy: Toy, layout: Layout = MIXTURE, **more: np.ndarray) -> np.ndarr
     second = np.array([toy.second_moment((c, 1.0 - c)) for c in SHARES])
     first = np.array([(toy.p[:, 0] * toy.f / (toy.p @ (c, 1.0 - c))).mean() for c in SHARES])
     candidates = np.stack([second, first], axis=1).ravel()
-    return filled(layout, mean=[toy.integral, toy.second_moment((0.5, 0.5))], candidates=candidates, **more)
+    mean = [toy.integral, toy.second_moment((0.5, 0.5))]
+    return filled(layout, **{"mean": mean, "candidates": candidates, **more})
 
 
 def only(known: np.ndarray, layout: Layout, kept: int | None) -> np.ndarray:
@@ -70,14 +69,21 @@ def two_part_toy() -> tuple[Toy, np.ndarray, np.ndarray]:
     return Toy(direct + indirect, p), direct, indirect
 
 
-def pair_of(cost: float) -> np.ndarray:
-    """E[X_l], E[X_l^2], E[X_b], E[X_b^2], E[C]."""
-    toy, direct, indirect = two_part_toy()
-    both = toy.p.sum(axis=1)
-    of_bsdf = direct / both + indirect / toy.p[:, 0]
-    expected = [toy.p[:, 1] * direct / both, toy.p[:, 1] * (direct / both) ** 2]
-    expected += [toy.p[:, 0] * of_bsdf, toy.p[:, 0] * of_bsdf**2]
-    return np.array([*(values.mean() for values in expected), cost])
+# Of pairs: paths that came to the vertex, their cost before and after Russian roulette, light samples that count.
+REACHED, EARLY, LATE, ALIVE = 0.9, 3.5, 1.5, 0.6
+COST_OF_PAIR = EARLY + LATE + SHADOW_RAY_COST * ALIVE
+
+
+def cost_of_mixture(share: NDArray[np.float64] | float) -> NDArray[np.float64] | float:
+    """A path to the vertex, one on from it for each direction that counts, and the late part that no share changes."""
+    by_lights = ALIVE / REACHED * LIGHT_COST
+    return REACHED + (EARLY - REACHED) * (share + (1.0 - share) * by_lights) + LATE
+
+
+def known_of_pairs() -> np.ndarray:
+    toy = two_part_toy()[0]
+    mean = [toy.integral, next_event_variance() + toy.integral**2]
+    return known_of(toy, PAIRS, mean=mean, pair=[REACHED, EARLY, LATE, ALIVE])
 
 
 def next_event_variance() -> float:
@@ -112,61 +118,64 @@ def test_least_variance_is_chosen(stratified: bool) -> None:
         assert choose(MIXTURE, known_of(toy), stratified=stratified).shares == pytest.approx([best, 1.0 - best])
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_where_one_strategy_has_no_variance_it_gets_the_most(swapped: bool) -> None:
+    """Stratified, the shares of a perfect strategy all promise 0; but a small one rests on few samples."""
+    toy = Toy(perfect().f, perfect().p[:, ::-1] if swapped else perfect().p)
+    assert max(toy.stratified_variance((c, 1.0 - c)) for c in SHARES) < 1e-12
+    expected = (0.1, 0.9) if swapped else (0.9, 0.1)
+    assert choose(MIXTURE, known_of(toy)).shares == pytest.approx(expected, abs=1e-6)
+
+
 # ---- pairs of next-event estimation ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stratified", [True, False])
 def test_predicted_variance_and_cost_from_pairs(stratified: bool) -> None:
-    """A mixture has no shadow ray, and its paths from the lights are shorter."""
+    """A mixture has no shadow ray, and goes on from fewer directions."""
     toy = two_part_toy()[0]
-    known = known_of(toy, PAIRS, pair=pair_of(cost=6.0))
     for kept, share in enumerate(SHARES):
-        moments = only(known, PAIRS, kept)
-        moments[PAIRS.offset("pair") + 1] += HOPELESS
+        moments = only(known_of_pairs(), PAIRS, kept)
+        moments[PAIRS.offset("mean") + 1] += HOPELESS
         chosen = choose(PAIRS, moments, stratified=stratified)
         expected = toy.stratified_variance if stratified else toy.variance
         assert chosen.shares == pytest.approx([share, 1.0 - share], abs=1e-6)
         assert chosen.variance == pytest.approx(expected((share, 1.0 - share)), rel=1e-6)
-        assert chosen.cost == pytest.approx((6.0 - SHADOW_RAY_COST) * (share + LIGHT_COST * (1.0 - share)))
+        assert chosen.cost == pytest.approx(cost_of_mixture(share))
 
 
 def test_predicted_variance_and_cost_of_next_event_estimation() -> None:
-    known = known_of(two_part_toy()[0], PAIRS, pair=pair_of(cost=6.0))
-    chosen = choose(PAIRS, only(known, PAIRS, None))
+    chosen = choose(PAIRS, only(known_of_pairs(), PAIRS, None))
     assert (chosen.shares == 0.0).all()
     assert chosen.variance == pytest.approx(next_event_variance(), rel=1e-6)
-    assert chosen.cost == 6.0
+    assert chosen.cost == pytest.approx(COST_OF_PAIR)
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.01, 0.1, 1.0, 10.0])
 @pytest.mark.parametrize("stratified", [True, False])
 def test_least_variance_and_weighted_cost_is_chosen(stratified: bool, weight: float) -> None:
     toy = two_part_toy()[0]
-    chosen = choose(PAIRS, known_of(toy, PAIRS, pair=pair_of(cost=6.0)), stratified=stratified, weight=weight)
+    chosen = choose(PAIRS, known_of_pairs(), stratified=stratified, weight=weight)
     variance = toy.stratified_variance if stratified else toy.variance
-    cost = (6.0 - SHADOW_RAY_COST) * (SHARES + LIGHT_COST * (1.0 - SHARES))
-    loss = np.array([variance((c, 1.0 - c)) for c in SHARES]) + weight * cost
+    loss = np.array([variance((c, 1.0 - c)) for c in SHARES]) + weight * cost_of_mixture(SHARES)
     share = SHARES[loss.argmin()]
     expected = (share, 1.0 - share)
-    if (next_event_variance() + weight * 6.0) * (1.0 - MARGIN) < loss.min():
+    if next_event_variance() + weight * COST_OF_PAIR < loss.min():
         expected = (0.0, 0.0)
     assert chosen.shares == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize(("ahead", "leaves"), [(0.5, True), (1.5, False)])
-def test_a_mixture_must_be_ahead_by_a_margin(ahead: float, leaves: bool) -> None:
-    """A mixture whose variance is less than next-event estimation's by less than 5 % is not taken, by more it is."""
+@pytest.mark.parametrize(("ahead", "leaves"), [(0.99, True), (1.01, False)])
+def test_next_event_estimation_goes_on_where_it_is_ahead(ahead: float, leaves: bool) -> None:
     toy = two_part_toy()[0]
-    known = known_of(toy, PAIRS, pair=pair_of(cost=6.0))
     best = min(toy.stratified_variance((c, 1.0 - c)) for c in SHARES)
-    shift = best / (1.0 - ahead * MARGIN) - next_event_variance()
-    known[PAIRS.offset("pair") + 1] += shift
+    known = known_of_pairs()
+    known[PAIRS.offset("mean") + 1] += ahead * best - next_event_variance()
     assert (choose(PAIRS, known).shares.sum() == 0.0) == leaves
 
 
 @pytest.mark.parametrize("layout", [MIXTURE, PAIRS], ids=["mixture", "pairs"])
 def test_allocation_is_kept_where_nothing_can_be_learned(layout: Layout) -> None:
-    toy = two_part_toy()[0]
-    more = {"pair": pair_of(cost=6.0)} if layout is PAIRS else {}
-    for case, moments in bad_moments(known_of(toy, layout, **more)).items():
+    known = known_of_pairs() if layout is PAIRS else known_of(smooth())
+    for case, moments in bad_moments(known).items():
         assert choose(layout, moments).shares == pytest.approx([0.35, 0.65], abs=1e-7), case

@@ -43,7 +43,7 @@ def sample_towards(light: LightView, x: wp.vec3, point: wp.vec3, normal: wp.vec3
 
 @wp.func
 def plane_hit(light: LightView, x: wp.vec3, wi: wp.vec3) -> PlaneHit:
-    """u and v need not be at right angles: Cramer's rule in the plane."""
+    """light.dual_u and dual_v give the place also where u and v are not at right angles."""
     hit = PlaneHit()
     hit.distance = -1.0
     hit.cos_light = -wp.dot(wi, light.n)
@@ -51,12 +51,6 @@ def plane_hit(light: LightView, x: wp.vec3, wi: wp.vec3) -> PlaneHit:
         return hit
     hit.distance = -wp.dot(light.center - x, light.n) / hit.cos_light
     d = x + wi * hit.distance - light.center
-    uu = wp.dot(light.u, light.u)
-    vv = wp.dot(light.v, light.v)
-    uv = wp.dot(light.u, light.v)
-    du = wp.dot(d, light.u)
-    dv = wp.dot(d, light.v)
-    determinant = uu * vv - uv * uv
-    hit.a = (du * vv - dv * uv) / determinant
-    hit.b = (dv * uu - du * uv) / determinant
+    hit.a = wp.dot(d, light.dual_u)
+    hit.b = wp.dot(d, light.dual_v)
     return hit

@@ -154,13 +154,14 @@ def make_control(features: Features) -> SimpleNamespace:
             if hit.distance >= left:
                 return share
             if control.shadowed_by[prim_of(scene, hit) - 1] != 0:
-                if wp.static(not features.opacity):
+                if wp.static(features.opacity):
+                    material = materials.at(scene, hit.triangle, hit.u, hit.v)
+                    cos_theta = to_local(intersect.shading_frame(scene, hit, wi), -wi)[2]
+                    share = wp.cw_mul(share, intersect.passed(material, cos_theta))
+                    if luminance(share) <= 0.0:
+                        return share
+                else:
                     return wp.vec3(0.0, 0.0, 0.0)
-                material = materials.at(scene, hit.triangle, hit.u, hit.v)
-                cos_theta = to_local(intersect.shading_frame(scene, hit, wi), -wi)[2]
-                share = wp.cw_mul(share, intersect.passed(material, cos_theta))
-                if luminance(share) <= 0.0:
-                    return share
             left -= hit.distance
             start = hit.p - hit.ng * hit.offset
         return wp.vec3(0.0, 0.0, 0.0)

@@ -5,12 +5,17 @@ import warp as wp
 
 @wp.struct
 class LightSample:
-    """A direction towards a light. pdf_solid_angle is 0 where there is no sample; distance ends the shadow ray."""
+    """A direction towards a light. pdf_solid_angle is 0 where there is no sample; distance ends the shadow ray.
+
+    light: 1 + the index of the light, 0 for none; pdf_of_light: the density given that this light was chosen.
+    """
 
     wi: wp.vec3
     distance: float
     pdf_solid_angle: float
     radiance: wp.vec3
+    light: int
+    pdf_of_light: float
 
 
 @wp.struct
@@ -30,6 +35,10 @@ class Receiver:
     where none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice:
     its importance counts as 1.
 
+    drawn: 1 + the index of the light that the ray from x was drawn towards, 0 for none; drawn_distance, drawn_pdf:
+    where it meets that light, and with which density the light's sampler drew it. The ray's direction is rounded, and a
+    light that is small or seen edge-on would be missed: what was drawn counts as hit.
+
     prim: 1 + the index of the prim at x where anything is asked of lights, 0 for the camera; diffuse: the share of what
     the surface scatters from the ray's direction that its diffuse lobe does, per color.
     """
@@ -41,5 +50,8 @@ class Receiver:
     infinite: float
     chosen: int
     chosen_importance: float
+    drawn: int
+    drawn_distance: float
+    drawn_pdf: float
     prim: int
     diffuse: wp.vec3

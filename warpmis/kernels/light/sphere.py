@@ -17,6 +17,17 @@ def one_minus_cos_of_cone(sin2: float) -> float:
 
 
 @wp.func
+def near_crossing(d2: float, r2: float, along: float, half_chord2: float) -> float:
+    """Distance to the near side: along - half chord, as the quotient of the two crossings' product and the far one.
+
+    The difference would lose its digits before a sphere that is large against its distance.
+    """
+    d = wp.sqrt(d2)
+    r = wp.sqrt(r2)
+    return (d - r) * (d + r) / (along + wp.sqrt(wp.max(0.0, half_chord2)))
+
+
+@wp.func
 def sample_sphere(light: LightView, x: wp.vec3, u: float, v: float) -> LightSample:
     s = LightSample()
     to_center = light.center - x
@@ -28,9 +39,9 @@ def sample_sphere(light: LightView, x: wp.vec3, u: float, v: float) -> LightSamp
     one_minus_cos = one_minus_cos_of_cone(r2 / d2)
     local = square_to_uniform_cone(u, v, one_minus_cos)
     s.wi = to_world(frame_from_normal(to_center / d), local)
-    # Distance to the near side: the half chord's square is r^2 - d^2 sin^2(theta).
+    # The half chord's square is r^2 - d^2 sin^2(theta).
     sin2 = local[0] * local[0] + local[1] * local[1]
-    s.distance = d * local[2] - wp.sqrt(wp.max(0.0, r2 - d2 * sin2))
+    s.distance = near_crossing(d2, r2, d * local[2], r2 - d2 * sin2)
     s.pdf_solid_angle = 1.0 / (2.0 * PI * one_minus_cos)
     s.radiance = light.radiance
     return s
@@ -51,6 +62,6 @@ def hit_sphere(light: LightView, x: wp.vec3, wi: wp.vec3) -> LightHit:
     half_chord2 = r2 - wp.dot(across, across)
     if half_chord2 < 0.0:
         return hit
-    hit.distance = along - wp.sqrt(half_chord2)
+    hit.distance = near_crossing(d2, r2, along, half_chord2)
     hit.pdf_solid_angle = 1.0 / (2.0 * PI * one_minus_cos_of_cone(r2 / d2))
     return hit

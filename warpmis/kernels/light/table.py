@@ -67,12 +67,21 @@ def make_lights(features: Features) -> SimpleNamespace:
         return light_importance(light, r.x, r.n)
 
     @wp.func
+    def is_turned_away(scene: SceneView, r: Receiver) -> bool:
+        """Whether there is a single light, which needs no choice, and it cannot reach r."""
+        if scene.light_count != 1:
+            return False
+        return light_importance(scene.lights[0], r.x, r.n) <= 0.0
+
+    @wp.func
     def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, u: float) -> Receiver:
         """Choose a light with u, in one pass over them all (a reservoir of one, u made uniform again at each)."""
         r = Receiver()
         r.x = x
         r.n = n
         r.chosen = -1
+        if is_turned_away(scene, r):
+            return r
         left = u
         for i in range(scene.light_count):
             of_light = importance(scene, scene.lights[i], r)
@@ -127,7 +136,9 @@ def make_lights(features: Features) -> SimpleNamespace:
         s = LightSample()
         if r.chosen >= 0:
             s = sample_light(scene, scene.lights[r.chosen], r, u)
-            s.pdf_solid_angle = s.pdf_solid_angle * r.chosen_importance / r.total
+            s.light = r.chosen + 1
+            s.pdf_of_light = s.pdf_solid_angle
+            s.pdf_solid_angle = s.pdf_of_light * (r.chosen_importance / r.total)
         return s
 
     @wp.func
@@ -148,7 +159,9 @@ def make_lights(features: Features) -> SimpleNamespace:
         if chosen >= 0:
             light = scene.lights[chosen]
             s = sample_light(scene, light, r, u)
-            s.pdf_solid_angle = s.pdf_solid_angle * importance(scene, light, r) / total
+            s.light = chosen + 1
+            s.pdf_of_light = s.pdf_solid_angle
+            s.pdf_solid_angle = s.pdf_of_light * (importance(scene, light, r) / total)
         return s
 
     @wp.func
@@ -199,6 +212,9 @@ def make_lights(features: Features) -> SimpleNamespace:
         for i in range(scene.light_count):
             light = scene.lights[i]
             h = hit(light, r.x, wi)
+            if r.drawn == i + 1 and light.kind != MESH:
+                h.distance = r.drawn_distance
+                h.pdf_solid_angle = r.drawn_pdf
             radiance = light.radiance
             if wp.static(features.dome_picture):
                 if light.kind == DOME and scene.dome.rows > 0:

@@ -56,6 +56,7 @@ def report_page(summary: Mapping[str, Any], reference: NDArray[np.floating], pic
     methods = [method for method in summary["methods"] if not method["knob"]]
     flip = any(method["flip"] is not None for method in methods)
     noise = summary["reference"]["relative_error"]
+    compared = [shown for shown in pictures if shown.label in {method["label"] for method in methods}]
     return Template(_text("page.html")).substitute(
         style=_text("page.css"),
         script=_text("page.js"),
@@ -71,7 +72,8 @@ def report_page(summary: Mapping[str, Any], reference: NDArray[np.floating], pic
         times=time_table(methods, summary["targets"]),
         costs=cost_table(methods, escape(summary["baseline"])),
         flip_note="" if flip else "The FLIP view is left out: install the package flip-evaluator to have it.",
-        maps=_maps([shown for shown in pictures if shown.label in {method["label"] for method in methods}]),
+        maps="".join(map(_efficiency_map, compared)),
+        allocations="".join(map(_allocation_map, compared)),
         sweeps="".join(_sweep(summary, knob, pictures) for knob in _knobs(summary)),
         method_notes=_method_notes(summary),
         # "</" would end the script element that holds the data.
@@ -130,7 +132,7 @@ def _knobs(summary: Mapping[str, Any]) -> list[str]:
 def _sweep(summary: Mapping[str, Any], knob: str, pictures: Sequence[MethodPictures]) -> str:
     methods = [method for method in summary["methods"] if method["knob"] == knob]
     labels = {method["label"] for method in methods}
-    maps = _maps([shown for shown in pictures if shown.label in labels])
+    maps = "".join(_allocation_map(shown) + _efficiency_map(shown) for shown in pictures if shown.label in labels)
     targets = summary["targets"]
     return (
         f"<section><h2>What {escape(knob)} costs and buys</h2>{_legend(methods)}"
@@ -141,17 +143,22 @@ def _sweep(summary: Mapping[str, Any], knob: str, pictures: Sequence[MethodPictu
     )
 
 
-def _maps(pictures: Sequence[MethodPictures]) -> str:
-    cards = []
-    for method in pictures:
-        label = escape(method.label)
-        if method.allocation is not None and method.allocation.shape[-1] <= 3:
-            picture = with_legend(balance_map(method.allocation, method.strategies), method.strategies)
-            text = f"<b>{label}</b>: learned shares, all {' to all '.join(method.strategies)} in the bar"
-            cards.append((png_uri(picture), text))
-        if method.efficiency is not None:
-            cards.append((png_uri(ratio_map(method.efficiency)), f"<b>{label}</b>: efficiency over the baseline's"))
-    return "".join(f'<figure><img src="{uri}" alt=""><figcaption>{text}</figcaption></figure>' for uri, text in cards)
+def _allocation_map(method: MethodPictures) -> str:
+    if method.allocation is None or method.allocation.shape[-1] > 3:
+        return ""
+    picture = with_legend(balance_map(method.allocation, method.strategies), method.strategies)
+    return _card(picture, method, f"learned shares, all {' to all '.join(method.strategies)} in the bar")
+
+
+def _efficiency_map(method: MethodPictures) -> str:
+    if method.efficiency is None:
+        return ""
+    return _card(ratio_map(method.efficiency), method, "efficiency over the baseline's")
+
+
+def _card(picture: NDArray[np.uint8], method: MethodPictures, text: str) -> str:
+    caption = f"<b>{escape(method.label)}</b>: {text}"
+    return f'<figure><img src="{png_uri(picture)}" alt=""><figcaption>{caption}</figcaption></figure>'
 
 
 def _method_notes(summary: Mapping[str, Any]) -> str:
@@ -185,7 +192,8 @@ def _pixels(
         for name, image, flip, point in versions:
             if image is not None:
                 error, seconds = percent(point["relative_error"]["median"]), point["seconds"]["median"]
-                about = f"{error} · {point['spp']} spp · {seconds_text(seconds)}"
+                parts = (error, f"{point['spp']} spp", seconds_text(seconds))
+                about = " · ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in parts)
                 uri = None if flip is None else png_uri(flip)
                 images.append({"label": method.label, "set": name, "about": about, "data": packed(image), "flip": uri})
     width, height = summary["resolution"]

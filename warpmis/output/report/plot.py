@@ -16,6 +16,9 @@ LEFT, RIGHT, TOP, BOTTOM = 74, 58, 16, 52
 # How far beyond the longest run the plot follows a prediction.
 FORESIGHT = 64.0
 
+# The least that an axis spans: a factor that has two labelled ticks in it at least.
+LEAST_SPAN = 6.0
+
 # Series are told apart by shape as well as by colour; paths within a box from -1 to 1.
 MARKERS = (
     "M-1,0A1,1 0 1 1 1,0A1,1 0 1 1 -1,0Z",
@@ -90,7 +93,13 @@ def _axes(methods: Sequence[dict[str, Any]], targets: Sequence[float]) -> Axes:
     reached = [a for a in arrivals if a["kind"] in ("measured", "predicted") and a["seconds"]["median"] <= horizon]
     times += [arrival["seconds"]["median"] for arrival in reached]
     errors += [arrival["relative_error"] for arrival in reached]
-    return Axes((0.8 * min(times), 1.25 * max(times)), (0.85 * min(errors), 1.15 * max(errors)))
+    return Axes(_roomy(0.8 * min(times), 1.25 * max(times)), _roomy(0.85 * min(errors), 1.15 * max(errors)))
+
+
+def _roomy(low: float, high: float) -> tuple[float, float]:
+    """Limits so far apart that ticks fall between them."""
+    apart = math.sqrt(max(1.0, LEAST_SPAN / (high / low)))
+    return low / apart, high * apart
 
 
 def _series(axes: Axes, method: dict[str, Any], number: int) -> list[str]:

@@ -73,6 +73,11 @@ def cost_table(methods: Sequence[Method], baseline: str) -> str:
             lambda m: percent(m["learning"]["share_of_time"]) if m["learning"]["share_of_time"] else "none",
         ),
         (
+            "rejected samples",
+            "of all runs: those that were not finite, and are in no picture",
+            lambda m: str(m["rejected_samples"]) if m["rejected_samples"] else "none",
+        ),
+        (
             "compilation",
             "of its kernels, or loading them from the cache: in none of the times above",
             lambda m: seconds_text(m["compile_seconds"]),

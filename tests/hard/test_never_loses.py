@@ -1,0 +1,87 @@
+"""Learning never loses: by how scripts/bench/hard_cases.py judges, with errors whose ratio is known; then, slow, on all
+hard cases.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "bench" / "hard_cases.py"
+
+# Where one strategy alone would have no variance at all, what is left is how evenly the strategies are chosen: a count
+# of samples that is off by one in 256. Learning in several rounds is off once a round, and loses to balance, which is
+# off once; but both relative errors are below this.
+UNEVEN_CHOICE = 0.01
+
+# What is let pass, and why (docs/stability.md, last section).
+KNOWN = {
+    "a-rare-light-beside-a-common-one": "no learner can know: one pixel in a hundred meets that light while it learns",
+    "clearcoat-over-mirror": "the mirror leaves murray20 two or three of a round's 32 samples to step from",
+}
+
+
+@pytest.fixture(scope="module")
+def bench() -> Any:
+    spec = importlib.util.spec_from_file_location("hard_cases", SCRIPT)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where dataclasses looks for it
+    spec.loader.exec_module(module)
+    return module
+
+
+def wrong(bench: Any, ratio: float, tail: float, word: str, runs: int = 300) -> float:
+    """How often errors of lognormal tails and this ratio of means are judged to be `word`."""
+    rng = np.random.default_rng(0)
+    base, errors = rng.lognormal(sigma=tail, size=(2, runs, 256))
+    verdicts = [bench.judged("", "", ratio * e, b) for e, b in zip(errors, base, strict=True)]
+    return float(np.mean([verdict.word == word for verdict in verdicts]))
+
+
+@pytest.mark.parametrize("tail", [0.3, 1.0, 2.0])
+def test_a_verdict_is_seldom_wrong(bench: Any, tail: float) -> None:
+    """At most 1 % of what is just beyond the limit passes, or is condemned just below it: 3.3 % of 300 at most."""
+    assert wrong(bench, 1.11, tail, "never loses") < 0.033
+    assert wrong(bench, 1.09, tail, "loses") < 0.033
+
+
+def test_a_verdict_is_mostly_found(bench: Any) -> None:
+    assert wrong(bench, 0.9, 0.5, "never loses") > 0.95
+    assert wrong(bench, 1.5, 0.5, "loses") > 0.95
+
+
+def test_heavy_tails_are_not_judged(bench: Any) -> None:
+    """One seed in which a light was met tells nothing."""
+    rare = np.zeros(256)
+    rare[:3] = 1.0
+    assert bench.judged("", "", rare, np.roll(rare, 7)).word == "open"
+
+
+def test_next_to_no_error_is_no_loss(bench: Any) -> None:
+    rounding = np.zeros(64)
+    rounding[5] = 1e-12
+    assert bench.judged("", "", rounding, np.ones(64)).word == "never loses"
+    assert bench.judged("", "", np.zeros(64), np.ones(64)).word == "never loses"
+    assert bench.judged("", "", np.ones(64), np.zeros(64)).word == "loses"
+
+
+def test_the_same_errors_are_no_loss(bench: Any) -> None:
+    errors = np.random.default_rng(1).exponential(size=64)
+    assert bench.judged("", "", errors, errors).word == "never loses"
+    assert bench.judged("", "", np.zeros(64), np.zeros(64)).ratio == 1.0
+
+
+@pytest.mark.slow
+def test_learning_never_loses(bench: Any) -> None:
+    verdicts = list(bench.measured([], budget=256, most_seeds=256))
+    lost = [verdict for verdict in verdicts if verdict.word == "loses"]
+    print(*lost, sep="\n")
+    assert len(verdicts) > 10
+    lost = [verdict for verdict in lost if verdict.error * verdict.ratio**0.5 > UNEVEN_CHOICE]
+    assert {verdict.case for verdict in lost} <= set(KNOWN)

@@ -1,0 +1,67 @@
+"""Renders that stop by themselves: the same picture whatever the threads, and the beginning of a longer one."""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+import scenes
+
+import warpmis
+from warpmis.errors import ConfigError
+from warpmis.progress import Progress
+
+SCENE = scenes.room(pixels=24)
+
+
+def render(**settings: object) -> warpmis.RenderResult:
+    return warpmis.render(SCENE, **settings)
+
+
+@pytest.mark.parametrize("method", ["auto", "murray20", "nee"])
+def test_the_picture_is_that_of_as_many_samples(method: str) -> None:
+    """The rule chooses a number; the samples are those of a plain render of that number that learns as much."""
+    stopped = render(method=method, target_error=0.1, seed=3)
+    told = stopped.stats["stopping"]
+    assert (stopped.samples == told["spp"]).all()
+    learn = stopped.settings["learn"]
+    learn = {} if method == "nee" else {"learn_rounds": learn["rounds"], "learn_spp": learn["spp"]}
+    plain = render(method=method, spp=told["spp"], seed=3, **learn)
+    for name, picture in plain.channels().items():
+        np.testing.assert_allclose(stopped.channels()[name], picture, rtol=1e-5, atol=1e-6, err_msg=name)
+    bounds = [result.stats.get("excess_variance_bound", 0.0) for result in (stopped, plain)]
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-4)
+
+
+def test_any_number_of_threads_stops_at_the_same_sample() -> None:
+    one, two = (render(target_error=0.1, threads=threads) for threads in (1, 2))
+    assert one.stats["stopping"] == two.stats["stopping"]
+    np.testing.assert_array_equal(one.image, two.image)
+
+
+def test_a_time_limit_ends_a_render_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that ticks a second whenever it is read."""
+    ticks = itertools.count()
+    monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
+    result = render(time_limit=300.0, threads=1)
+    told = result.stats["stopping"]
+    assert told["reason"] == "time limit"
+    assert np.ptp(result.samples) == 0 and result.samples[0, 0] == told["spp"] < result.settings["spp"]
+
+
+def test_the_result_tells_its_error_and_progress_how_long_it_takes() -> None:
+    seen: list[Progress] = []
+    result = render(target_error=0.1, progress=seen.append)
+    told = result.stats["stopping"]
+    assert result.relative_error() == told["relative_error"] < told["bound"] <= 0.1
+    assert told["reason"] == "target error"
+    assert repr(result).endswith(f"auto, {told['spp']} spp)")
+    watched = [report for report in seen if report.relative_error is not None]
+    assert watched and all(report.total <= result.stats["samples"] * 4 for report in watched)
+
+
+def test_a_target_is_for_one_time_within_the_shutter() -> None:
+    with pytest.raises(ConfigError, match="drop the shutter samples"):
+        warpmis.render("any.usda", target_error=0.1, shutter_samples=2)
