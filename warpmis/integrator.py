@@ -194,7 +194,7 @@ class Integrator:
 
     def color_sums(self) -> NDArray[np.float64]:
         """Sum of all samples' radiance so far, shape (H, W, 3)."""
-        sums = self.learn_film.color.numpy() + self.film.color.numpy()
+        sums = np.sum([film.color.numpy() for film in self.films], axis=0)
         return sums.reshape(self.height, self.width, 3)
 
     def allocation_map(self) -> NDArray[np.float32]:

@@ -1,15 +1,16 @@
 """Every method on every scene, at equal samples:
 
-    python scripts/bench/methods.py [SCENE ...] [--budget 64] [--seeds 5] [--json FILE]
+    python scripts/bench/methods.py [SCENE ...] [--budget 64] [--seeds 24] [--json FILE]
 
 A budget of 64 samples per pixel takes each method as it comes. One of 2304 takes rounds of 256 samples, as Murray et
 al. (2020) do, 1 and 8 of them. All figures are relative to `balance` in the same run, medians over the seeds:
 
 variance    relMSE of the picture, learning samples included (warpmis/metrics.py), the reference's own noise taken off
-time        seconds of tracing and learning on one thread
-efficiency  1 / (variance x time), with the smallest and the largest of the seeds' quotients
+time        CPU seconds of tracing and learning on one thread; the lower quartile, for others only ever add to it
+efficiency  1 / (variance x time), with its standard error: that of the variance, whose noise is by far the greater
 
-The methods take turns seed by seed, so that a change of the machine's speed falls on all of them.
+The methods take turns seed by seed, so that a change of the machine's speed falls on all of them. At the end of each
+scene: `auto` over the best of the others, and over `murray20` with two strategies.
 """
 
 from __future__ import annotations
@@ -67,7 +68,21 @@ def variants(budget: int) -> Iterator[Variant]:
 class Runs:
     variance: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
-    bound: list[float] = field(default_factory=list)
+
+
+class CpuClock:
+    """CPU seconds of the phases that trace, told by the progress reports."""
+
+    def __init__(self) -> None:
+        self.since: float | None = None
+
+    def __call__(self, progress: warpmis.Progress) -> None:
+        if self.since is None and progress.phase in ("learn", "render"):
+            self.since = time.process_time()
+
+    def seconds(self) -> float:
+        assert self.since is not None
+        return time.process_time() - self.since
 
 
 def measure(scene: warpmis.Scene, budget: int, seeds: int, reference_spp: int) -> dict[str, Runs]:
@@ -78,12 +93,11 @@ def measure(scene: warpmis.Scene, budget: int, seeds: int, reference_spp: int) -
         warpmis.render(scene, spp=budget, threads=2, **variant.settings)
     for seed in range(seeds):
         for variant in variants(budget):
-            result = warpmis.render(scene, spp=budget, seed=seed, threads=1, **variant.settings)
-            spent = result.stats["seconds"]
+            clock = CpuClock()
+            result = warpmis.render(scene, spp=budget, seed=seed, threads=1, progress=clock, **variant.settings)
             own = runs[variant.label]
+            own.seconds.append(clock.seconds())
             own.variance.append(max(relative_mse(result.image, reference.image) - noise, 1e-9))
-            own.seconds.append(spent["learn"] + spent["render"])
-            own.bound.append(result.stats.get("excess_variance_bound", float("nan")))
     return runs
 
 
@@ -91,32 +105,44 @@ def table(runs: dict[str, Runs]) -> list[dict[str, Any]]:
     base = runs[BASELINE]
     rows = []
     for label, own in runs.items():
-        efficiency = [
-            base_v * base_t / (v * t)
-            for base_v, base_t, v, t in zip(base.variance, base.seconds, own.variance, own.seconds, strict=True)
-        ]
         variance = statistics.median(own.variance) / statistics.median(base.variance)
-        seconds = statistics.median(own.seconds) / statistics.median(base.seconds)
+        seconds = lower_quartile(own.seconds) / lower_quartile(base.seconds)
+        # The same seed gives the baseline the same camera rays: quotients of a seed's own scatter least.
+        quotients = [v / base_v for v, base_v in zip(own.variance, base.variance, strict=True)]
+        spread = statistics.stdev(quotients) / statistics.mean(quotients) / len(quotients) ** 0.5
+        efficiency = 1.0 / (variance * seconds)
         rows.append(
             {
                 "method": label,
                 "variance": variance,
                 "time": seconds,
-                "efficiency": 1.0 / (variance * seconds),
-                "least": min(efficiency),
-                "most": max(efficiency),
-                "excess": statistics.median(own.bound),
+                "efficiency": efficiency,
+                "error": efficiency * spread,
             }
         )
     return rows
+
+
+def lower_quartile(values: list[float]) -> float:
+    return statistics.quantiles(values, n=4)[0]
+
+
+def of_auto(rows: list[dict[str, Any]]) -> str:
+    efficiency = {row["method"]: row["efficiency"] for row in rows}
+    own = next(value for name, value in efficiency.items() if name.startswith("auto"))
+    best = max((name for name in efficiency if not name.startswith("auto")), key=efficiency.__getitem__)
+    published = {name: value for name, value in efficiency.items() if name.startswith("murray20 bsdf,light")}
+    published = {name: value for name, value in published.items() if name.count(",") == 1}
+    against = ", ".join(f"{own / value:.2f} of {name}" for name, value in published.items())
+    return f"auto has {own / efficiency[best]:.2f} of the efficiency of {best}, the best of the others, {against}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=SCENES)
     parser.add_argument("--budget", type=int, default=64, help="samples per pixel in all")
-    parser.add_argument("--width", type=int, default=48)
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--width", type=int, default=64)
+    parser.add_argument("--seeds", type=int, default=24)
     parser.add_argument("--reference-spp", type=int, default=16384)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
@@ -127,11 +153,11 @@ def main() -> None:
         rows = table(measure(scene, arguments.budget, arguments.seeds, arguments.reference_spp))
         report[name] = rows
         print(f"\n{name}, {arguments.budget} samples per pixel ({time.perf_counter() - start:.0f} s)")
-        print("| method | variance | time | efficiency | of the seeds |\n|---|---|---|---|---|")
+        print("| method | variance | time | efficiency |\n|---|---|---|---|")
         for row in rows:
-            spread = f"{row['least']:.2f} to {row['most']:.2f}"
-            figures = f"{row['variance']:.2f} | {row['time']:.2f} | {row['efficiency']:.2f} | {spread}"
-            print(f"| {row['method']} | {figures} |", flush=True)
+            figures = f"{row['variance']:.2f} | {row['time']:.2f} | {row['efficiency']:.2f} ± {row['error']:.2f}"
+            print(f"| {row['method']} | {figures} |")
+        print(of_auto(rows), flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=1))
 

@@ -2,10 +2,12 @@
 
     python scripts/bench/speed.py [SCENE ...] [--json FILE]
 
-threads    samples per second with two threads over one
+threads    samples per second with two threads over one, of three times as many repetitions: two cores are seldom left
+           alone for long
 roofline   the trace kernel's rays per second over a bare kernel's on the same rays, one thread each
 same flags the same, the bare kernel too compiled with the trace kernel's flags
 learning   time of moments, solver and launches over the whole run's, on identical paths
+solver     time of the solver with eight strategies over the whole run's, `murray20` and `pooled`, 256 samples per pixel
 start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
            kernel cache
 
@@ -30,12 +32,12 @@ import warp as wp
 from recorded_rays import make_bare_queries, record_rays
 
 import warpmis
-from warpmis.config import LearnConfig, RenderConfig
+from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
 from warpmis.device.upload import upload
-from warpmis.features import detect
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.kernels.trace import CPU_FLAGS
-from warpmis.learn.schedule import Round
+from warpmis.learn.schedule import Round, schedule
+from warpmis.rendering import features_of
 from warpmis.scene import DomeLight
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
@@ -64,13 +66,8 @@ def cpu_seconds(work: Callable[[], object]) -> float:
 
 
 def integrator(scene: warpmis.Scene, config: RenderConfig) -> Integrator:
-    strategies = config.strategies if config.method != "nee" else ()
-    return Integrator(
-        upload(scene, config.device),
-        detect(scene).with_strategies(strategies),
-        config,
-        allocation_of(config, *scene.resolution),
-    )
+    uploaded = upload(scene, config.device)
+    return Integrator(uploaded, features_of(scene, config), config, allocation_of(config, *scene.resolution))
 
 
 def threads(scene: warpmis.Scene, repeats: int) -> Figure:
@@ -78,7 +75,7 @@ def threads(scene: warpmis.Scene, repeats: int) -> Figure:
         run = integrator(scene, RenderConfig(method="balance", threads=count))
         return seconds(lambda: run.trace(Round(0, 256, learn=False), lambda samples: None))
 
-    return figure(interleaved(lambda: run(1), lambda: run(2), repeats))
+    return figure(interleaved(lambda: run(1), lambda: run(2), 3 * repeats))
 
 
 def roofline(scene: warpmis.Scene, repeats: int, cpu_flags: str | None) -> Figure:
@@ -128,6 +125,28 @@ def learning(scene: warpmis.Scene, repeats: int) -> Figure:
     return dict(zip(("lower quartile", "median", "upper quartile"), quartiles, strict=True))
 
 
+def solver(scene: warpmis.Scene, method: str, repeats: int) -> Figure:
+    """Of one thread; the rounds are those of a render."""
+    config = RenderConfig(method=method, strategies=STRATEGIES, threads=1)
+
+    def share() -> float:
+        run = integrator(scene, config)
+        solving = 0.0
+
+        def rounds() -> None:
+            nonlocal solving
+            for part in schedule(config):
+                run.trace(part, lambda samples: None)
+                if part.learn:
+                    solving += cpu_seconds(run.solve)
+
+        whole = cpu_seconds(rounds)
+        return solving / whole
+
+    share()  # warms up
+    return figure([share() for _ in range(repeats)])
+
+
 def start(stage: Path) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "warpmis", "render", str(stage), f"{folder}/out.exr", "-w", "128"]
@@ -156,6 +175,8 @@ def main() -> None:
             report[name]["roofline"] = roofline(scene, arguments.repeats, None)
             report[name]["same flags"] = roofline(scene, arguments.repeats, CPU_FLAGS)
         report[name]["learning"] = learning(scene, arguments.repeats)
+        report[name]["solver m."] = solver(scene, "murray20", arguments.repeats)
+        report[name]["solver p."] = solver(scene, "pooled", arguments.repeats)
         report[name]["start"] = start(stage)
         for label, values in report[name].items():
             print(f"{name:14} {label:10}", "  ".join(f"{key} {value:.3f}" for key, value in values.items()), flush=True)

@@ -248,7 +248,7 @@ LEARNING_CASES = [
         "no share below 0.1: the loss is bounded by 0.5 / 0.1 (methods.py: min_share)",
         lambda: mixed(1e-4, 1e3),
         RHO * (0.1 + 0.3**2 / 2.0**1.5),
-        spp=32768,
+        spp=65536,
     ),
 ]
 

@@ -55,8 +55,8 @@ def test_what_falls_is_told(fuzz_stages: Any, tmp_path: Path, monkeypatch: pytes
     )
     (package / "features.py").write_text("Features = None\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(fuzz_stages, "PATIENCE", 5.0)
-    monkeypatch.setattr(fuzz_stages, "PATIENCE_OF_FIRST", 5.0)
+    monkeypatch.setattr(fuzz_stages, "PATIENCE", 8.0)
+    monkeypatch.setattr(fuzz_stages, "PATIENCE_OF_FIRST", 90.0)
     counts, falls = fuzz_stages.fuzz(first=0, count=9, render_every=1)
     assert counts == {"read": 0, "refused": 6}
     assert [fall.number for fall in falls] == [3, 5, 7]

@@ -189,10 +189,12 @@ def make_path(features: Features) -> SimpleNamespace:
         allocation: vec_s,
         u_strategy: float,
         max_depth: int,
+        learns: int,
     ) -> PathSample:
         """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit.
 
-        Surfaces beyond `reach` are not in view. u_strategy chooses the strategy of the mixture's direction.
+        Surfaces beyond `reach` are not in view. u_strategy chooses the strategy of the mixture's direction. learns:
+        not 0 where something is to be learned from pairs.
         """
         path = PathSample()
         path.throughput = 1.0
@@ -324,7 +326,7 @@ def make_path(features: Features) -> SimpleNamespace:
                     if wp.static(paired):
                         # A pixel without shares goes by next-event estimation.
                         if not strategies.is_shared(allocation):
-                            arrival = PAIRED
+                            arrival = wp.where(learns != 0, PAIRED, WEIGHTED)
                 if arrival == MIXTURE:
                     strategy = strategies.choose(allocation, u_strategy)
                     # Until the direction's densities are known the path is of the strategy that drew it alone.

@@ -115,7 +115,7 @@ def make_trace(features: Features) -> wp.Kernel:
             u_strategy = u[2]
             if stratified != 0:
                 u_strategy = rng.golden_ratio(key, round_start)
-            sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
+            sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth, learn)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
