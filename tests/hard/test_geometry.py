@@ -23,6 +23,7 @@ SHAPES = Features(
     cylinder_light=True,
     dome_constant=True,
     shading_normals=True,
+    indirect=True,
 )
 CASES = {case.name: case for case in GEOMETRY_CASES}
 

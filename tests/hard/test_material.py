@@ -10,7 +10,9 @@ from hard.material_cases import MATERIAL_CASES
 from warpmis.features import Features
 
 # One kernel a method for all cases.
-SURFACES = Features(dome_constant=True, mesh_light=True, specular=True, clearcoat=True, smooth=True, opacity=True)
+SURFACES = Features(
+    dome_constant=True, mesh_light=True, specular=True, clearcoat=True, smooth=True, opacity=True, indirect=True
+)
 CASES = {case.name: case for case in MATERIAL_CASES}
 
 
