@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpmis.scene import Camera, DomeLight, Geometry, Light, Material, Prim, RectLight, Scene, SphereLight
+from warpmis.geometry import Geometry
+from warpmis.scene import Camera, DomeLight, Light, Material, Prim, RectLight, Scene, SphereLight
 
 USD_SCENES = Path(__file__).parent.parent / "usd_scenes"
 

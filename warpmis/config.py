@@ -79,6 +79,7 @@ class RenderConfig:
         time_limit: render until learning and rendering have taken so long [s].
         threads: CPU threads; None takes what the process may use.
         strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
+        ids: also tell which prim, place and face the middle of each pixel sees.
         mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.
         learn: for the methods that learn.
     """
@@ -92,6 +93,7 @@ class RenderConfig:
     mis_compensation: bool = False
     max_depth: int = 8
     seed: int = 0
+    ids: bool = False
     target_error: float | None = None
     time_limit: float | None = None
     device: str = "cpu"
@@ -164,6 +166,7 @@ class RenderConfig:
             "mis_compensation": int(self.mis_compensation),
             "max_depth": self.max_depth,
             "seed": self.seed,
+            "ids": int(self.ids),
             "target_error": self.target_error,
             "time_limit": self.time_limit,
             "device": self.device,

@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
-
 from warpmis.light_control import LightControl
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
@@ -31,6 +29,7 @@ class Features:
         light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays through.
+        instances: prototypes that are traced through the transforms of their places.
         shading_normals: normals that differ from the triangle's.
         textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
         orthographic, depth_of_field, clipping: cameras other than a pinhole; clipping planes.
@@ -59,6 +58,7 @@ class Features:
     clearcoat: bool = False
     smooth: bool = False
     opacity: bool = False
+    instances: bool = False
     shading_normals: bool = False
     textures: bool = False
     vertex_colors: bool = False
@@ -119,7 +119,7 @@ def light_controls(scene: Scene) -> list[LightControl]:
 
 def detect(scene: Scene) -> Features:
     """The effects that the scene's triangles and lights call for; materials that no triangle uses do not count."""
-    used = [scene.materials[i] for i in np.unique(scene.geometry.materials)]
+    used = [scene.materials[i] for i in scene.used_materials]
     specular = [m for m in used if not m.lambertian]
     coated = [m for m in specular if bounds_of(m.clearcoat)[1] > 0.0]
     lookups = [lookup for m in used for lookup in m.lookups.values()]
@@ -152,7 +152,8 @@ def detect(scene: Scene) -> Features:
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
         opacity=any(m.mean.opacity < 1.0 for m in used),
-        shading_normals=bool((scene.geometry.normal_indices >= 0).any()),
+        instances=bool(scene.prototypes),
+        shading_normals=any(bool((part.normal_indices >= 0).any()) for part in scene.parts),
         textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
         vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),
         normal_maps=any(m.normal is not None for m in used),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from warpmis.device.environment import LUMINANCE, mean_over_sphere
 from warpmis.features import Features, detect, is_emissive
+from warpmis.geometry import bounds
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, RectLight, Scene, SphereLight
 from warpmis.texture import Texture, TextureLookup
 
@@ -65,7 +66,8 @@ class Inspection:
     """Everything about a scene that can be told without rendering it.
 
     Attributes:
-        counts: of prims, triangles, points, materials, textures, and of each kind of light.
+        counts: of prims, triangles (in each of their places), points (in memory), instances that are traced through
+            their transforms, materials, textures, and of each kind of light.
         bounds: smallest and largest corner of the geometry [scene units], or None without any.
         resolution: (width, height) [pixel].
         memory: bytes of geometry, textures and environments, and in all.
@@ -96,11 +98,11 @@ class Inspection:
 def inspect_scene(scene: Scene) -> Inspection:
     """What `warpmis inspect` tells."""
     geometry = scene.geometry
-    used = np.unique(geometry.materials)
+    used = scene.used_materials
     pictures = textures_of(scene)
     lights = (*map(light_report, scene.lights), *emissive_surfaces(scene))
     memory = {
-        "geometry": sum(getattr(geometry, field.name).nbytes for field in dataclasses.fields(geometry)),
+        "geometry": sum(part.nbytes for part in scene.parts),
         "textures": sum(tile.nbytes for texture in pictures for tile in texture.tiles.values()),
         "environments": sum(
             light.picture.nbytes for light in scene.lights if isinstance(light, DomeLight) and light.picture is not None
@@ -109,9 +111,10 @@ def inspect_scene(scene: Scene) -> Inspection:
     return Inspection(
         name=scene.name,
         counts={
-            "prims": len(np.unique(geometry.prims)),
-            "triangles": len(geometry.triangles),
-            "points": len(geometry.points),
+            "prims": len(np.unique(np.concatenate([geometry.prims, *(one.prims for one in scene.prototypes)]))),
+            "triangles": scene.triangle_count,
+            "points": sum(len(part.points) for part in scene.parts),
+            "instances": scene.instance_count,
             "materials": len(used),
             "textures": len(pictures),
             **Counter(light.kind for light in lights),
@@ -135,10 +138,8 @@ def split_warning(line: str) -> tuple[str, str]:
 
 
 def bounds_of_geometry(scene: Scene) -> tuple[list[float], list[float]] | None:
-    if not len(scene.geometry.triangles):
-        return None
-    points = scene.geometry.points[np.unique(scene.geometry.triangles)].astype(np.float64)
-    return (points.min(axis=0) + scene.origin).tolist(), (points.max(axis=0) + scene.origin).tolist()
+    found = bounds(scene.geometry, scene.prototypes)
+    return None if found is None else ((found[0] + scene.origin).tolist(), (found[1] + scene.origin).tolist())
 
 
 def camera_report(scene: Scene) -> dict[str, Any]:
@@ -221,6 +222,7 @@ def material_report(scene: Scene, index: int) -> MaterialReport:
     for name, lookup in material.lookups.items():
         inputs[name] = "texture" if isinstance(lookup, TextureLookup) else "primvar"
     triangles = int((scene.geometry.materials == index).sum())
+    triangles += sum(len(one.prims) * int((one.geometry.materials == index).sum()) for one in scene.prototypes)
     return MaterialReport(material.path, triangles, material.lambertian, inputs)
 
 
@@ -232,7 +234,7 @@ INPUTS = (
 
 def textures_of(scene: Scene) -> list[Texture]:
     """The pictures that materials in use look up, each once."""
-    used = [scene.materials[index] for index in np.unique(scene.geometry.materials)]
+    used = [scene.materials[index] for index in scene.used_materials]
     lookups = [lookup for material in used for lookup in material.lookups.values()]
     return list({id(one.texture): one.texture for one in lookups if isinstance(one, TextureLookup)}.values())
 
@@ -259,7 +261,8 @@ def _names(features: Features) -> set[str]:
 
 
 def parts(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    """The scene in pieces, each with its prim: the camera alone, each light alone, the triangles of each prim alone."""
+    """The scene in pieces, each with its prim: the camera alone, each light alone, the triangles of each prim alone,
+    each prototype alone."""
     nothing = _triangles(scene, np.zeros(0, np.int64))
     yield scene.camera.path, replace(nothing, lights=())
     for light in scene.lights:
@@ -268,17 +271,10 @@ def parts(scene: Scene) -> Iterator[tuple[str, Scene]]:
     prims, starts = np.unique(scene.geometry.prims[order], return_index=True)
     for prim, rows in zip(prims, np.split(order, starts[1:]), strict=False):
         yield scene.prims[prim].path, replace(_triangles(scene, rows), lights=())
+    for prototype in scene.prototypes:
+        yield scene.prims[prototype.prims[0]].path, replace(nothing, lights=(), prototypes=(prototype,))
 
 
 def _triangles(scene: Scene, rows: NDArray[np.int64]) -> Scene:
-    """The scene with some of its triangles alone."""
-    geometry = scene.geometry
-    kept = replace(
-        geometry,
-        triangles=geometry.triangles[rows],
-        normal_indices=geometry.normal_indices[rows],
-        materials=geometry.materials[rows],
-        prims=geometry.prims[rows],
-        primvars=geometry.primvars[rows] if geometry.primvars.size else geometry.primvars,
-    )
-    return replace(scene, geometry=kept)
+    """The scene with some of its triangles in world space alone."""
+    return replace(scene, geometry=scene.geometry.ordered(rows), prototypes=())

@@ -21,6 +21,7 @@ from warpmis.device.upload import DeviceScene, check_device
 from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
+from warpmis.kernels.identify import make_identify
 from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
@@ -63,6 +64,11 @@ def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) 
     return Learner(config.how, features.strategies, size, stratified, config.device)
 
 
+def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+    """The kernel that tells ids, where they are asked for: one for all methods."""
+    return [make_identify(features.with_strategies(()))] if config.ids else []
+
+
 def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
     """All that a run would launch, whatever the size of its picture.
 
@@ -70,7 +76,7 @@ def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
         ConfigError: the machine lacks the device.
     """
     check_device(config.device)
-    return [make_trace(features), *learner_of(features, config, (1, 1)).kernels]
+    return [make_trace(features), *learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
 
 
 class Integrator:
@@ -92,7 +98,9 @@ class Integrator:
         self.start_allocation = allocation
         self.kernel = make_trace(features)
         self.learner = learner_of(features, config, (self.width, self.height))
-        self.compilation = load_kernels((self.kernel, *self.learner.kernels), config.device, announce)
+        self.identify = identify_of(features, config)
+        kernels = (self.kernel, *self.learner.kernels, *self.identify)
+        self.compilation = load_kernels(kernels, config.device, announce)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self._allocate()
@@ -159,6 +167,21 @@ class Integrator:
         if self.is_cuda:
             wp.synchronize_device(self.config.device)
 
+    def ids(self) -> NDArray[np.int32]:
+        """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface.
+
+        Of a render that was asked for them.
+        """
+        (kernel,) = self.identify
+        found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
+
+        def launch(job: tuple[int, int]) -> None:
+            inputs = [self.scene.view, self.scene.camera, job[0], found]
+            wp.launch(kernel, dim=job[1], inputs=inputs, device=self.config.device)
+
+        self._run(launch, self._stretches(GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
+        return found.numpy().reshape(self.height, self.width, 3).copy()
+
     def solve(self) -> None:
         """One step of the method's solver, from the moments of the rounds so far."""
         self.learner.step(self.allocation, self.learn_film, self._launch_solver)
@@ -215,5 +238,5 @@ class Integrator:
 
     def bytes(self) -> dict[str, Any]:
         """Device memory of the scene by what it is for, and of the picture: films, shares, and what learning keeps."""
-        picture = array_bytes([*self.films, self.allocation, *vars(self.learner).values()])
+        picture = array_bytes([*self.films, self.allocation, *self.learner.buffers])
         return {"scene": scene_bytes(self.scene), "picture": picture}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.compilation import Compilation, load_kernels
 from warpmis.device.film import download_film
+from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.device.upload import upload
 from warpmis.errors import ConfigError, Interrupted
 from warpmis.features import Features, detect
@@ -47,6 +48,7 @@ def render(
     session_layer: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | None = None,
     features: Features | None = None,
+    uploads: Uploads | None = None,
     **settings: Any,
 ) -> RenderResult:
     """Render a stage.
@@ -60,6 +62,7 @@ def render(
         shutter_samples: at how many times within the camera's shutter interval the stage is read, for motion blur.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
+        uploads: what an earlier render put on the device, to be used again where it is the same.
 
     Raises:
         ConfigError: a setting cannot be honoured.
@@ -72,7 +75,7 @@ def render(
     reporter = Reporter(progress)
     reporter.phase("load")
     if isinstance(stage, Scene):
-        return render_scene(resized(stage, config.width), config, features, reporter)
+        return render_scene(resized(stage, config.width), config, features, reporter, uploads)
 
     def scene_at(code: float | None) -> Scene:
         return load(
@@ -94,11 +97,11 @@ def render(
     scene = scene_at(time)
     opens, closes = scene.camera.shutter
     if shutter_samples > 1 and opens < closes:
-        return render_shutter(scene, scene_at, config, features, progress, shutter_samples)
+        return render_shutter(scene, scene_at, config, features, progress, shutter_samples, uploads or Uploads())
     if opens < closes:
         note = "the camera's shutter stays open, but there is one time in it alone: ask for more shutter samples"
         scene = dataclasses.replace(scene, notes=(*scene.notes, note))
-    return render_scene(scene, config, features, reporter)
+    return render_scene(scene, config, features, reporter, uploads)
 
 
 def render_shutter(
@@ -108,6 +111,7 @@ def render_shutter(
     features: Features | None,
     progress: ProgressCallback | None,
     count: int,
+    uploads: Uploads,
 ) -> RenderResult:
     """The mean of renders at `count` times within the shutter's interval; each reads the whole stage again."""
     results: list[RenderResult] = []
@@ -116,7 +120,7 @@ def render_shutter(
         reporter = Reporter(progress)
         try:
             reporter.phase("load", f"time {code:g}")
-            results.append(render_scene(scene_at(code), part, features, reporter))
+            results.append(render_scene(scene_at(code), part, features, reporter, uploads))
         except KeyboardInterrupt as stop:
             results += [stop.result] if isinstance(stop, Interrupted) else []
             if not results:
@@ -177,11 +181,13 @@ def compile_scene(scene: Scene, config: RenderConfig, features: Features | None 
     return load_kernels(kernels_of(features_of(scene, config, features), config), config.device)
 
 
-def render_scene(scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter) -> RenderResult:
+def render_scene(
+    scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None = None
+) -> RenderResult:
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
     features = features_of(scene, config, features)
-    device_scene = upload(scene, config.device, config.mis_compensation)
+    device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
     reporter.phase("compile")
 
     def announce(count: int) -> None:
@@ -254,7 +260,7 @@ def result_of(
         "next_event_pixels": integrator.next_event_share(),
         **integrator.certificate(spread.variance(), film.image()),
         **({"stopping": reporter.watch.stats()} if reporter.watch is not None else {}),
-        "triangles": len(scene.geometry.triangles),
+        "triangles": scene.triangle_count,
         "lights": len(scene.lights),
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,
@@ -278,6 +284,8 @@ def result_of(
         samples=film.count,
         variance=spread.variance(exposure),
         allocation=integrator.allocation_map(),
+        ids=integrator.ids() if config.ids else None,
+        paths=tuple(prim.path for prim in scene.prims) if config.ids else (),
         round_allocations=tuple(maps),
         strategies=config.strategies,
         stats=stats,

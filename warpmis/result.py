@@ -15,6 +15,9 @@ from warpmis.metrics import estimated_relative_error
 
 Float32Array = NDArray[np.float32]
 
+# Hydra's names of the pictures in RenderResult.ids.
+IDS = ("primId", "instanceId", "elementId")
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RenderResult:
@@ -32,6 +35,9 @@ class RenderResult:
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.
         round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.
+        ids: if asked for, of what the middle of each pixel sees: the prim's place in `paths`, which of the prim's
+            instances it is, and which face (curve, point), -1 where there is no surface, shape (H, W, 3) int32.
+        paths: if ids were asked for, the prims' paths.
         stats: counts and times: seconds {load, compile, learn, render}, samples, rays, rays_per_second, ...
         name: the stage's file name or identifier.
         settings: what was asked for, as plain values.
@@ -51,6 +57,8 @@ class RenderResult:
     stats: dict[str, Any]
     name: str
     round_allocations: tuple[Float32Array, ...] = ()
+    ids: NDArray[np.int32] | None = None
+    paths: tuple[str, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -64,6 +72,8 @@ class RenderResult:
         from warpmis.output.exr import write_exr  # here, so that a render can be had without OpenEXR
 
         header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
+        if self.paths:
+            header["paths"] = " ".join(self.paths)  # a path has no spaces
         pictures = self.channels()
         if channels is not None:
             pictures = {name: pictures[own] for name, own in channels.items()}
@@ -100,6 +110,8 @@ class RenderResult:
             pictures[f"albedo.{name}"] = self.albedo[..., axis]
         for axis, name in enumerate("XYZ"):
             pictures[f"N.{name}"] = self.normal[..., axis]
+        if self.ids is not None:
+            pictures |= {name: self.ids[..., axis] for axis, name in enumerate(IDS)}
         for axis, name in enumerate(self.strategies):
             pictures[f"allocation.{name}"] = self.allocation[..., axis]
         return {name: np.asarray(picture, dtype=np.float32) for name, picture in pictures.items()}

@@ -4,7 +4,8 @@ World space is the stage's own: its up axis and its unit of length are kept, so 
 metersPerUnit or upAxis. Colours are linear Rec.709; radiance is in nits as UsdLux defines it, so that a light of
 intensity 1 seen by the camera is a pixel of 1.
 
-The instances are flattened: every triangle stands in world space.
+Instances are flattened, but for those whose copies would take much memory: these stand as prototypes with a transform
+for each place.
 """
 
 from __future__ import annotations
@@ -16,37 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpmis.geometry import Float32Array, Geometry, Prototype
 from warpmis.light_control import PLAIN, LightControl
 from warpmis.texture import Lookup, TextureLookup, is_lookup, mean_of
 
-Float32Array = NDArray[np.float32]
-Int32Array = NDArray[np.int32]
 Color = tuple[float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """All triangles of the scene, in world space.
-
-    Attributes:
-        points: vertex positions [scene units], shape (V, 3) float32, finite.
-        triangles: vertex indices, counter-clockwise seen from the front, shape (F, 3) int32, in range, F >= 0.
-        normals: unit shading normals, shape (K, 3) float32, on the front side.
-        normal_indices: per triangle corner the row of `normals`, or -1 in all three for a flat triangle,
-            shape (F, 3) int32.
-        materials: per triangle the index into Scene.materials, shape (F,) int32.
-        prims: per triangle the index into Scene.prims, shape (F,) int32.
-        primvars: per triangle corner what the lookups of the triangle's material read, shape (F, 3, P) float32,
-            finite; P is 0 where no material has any.
-    """
-
-    points: Float32Array
-    triangles: Int32Array
-    normals: Float32Array
-    normal_indices: Int32Array
-    materials: Int32Array
-    prims: Int32Array
-    primvars: Float32Array = field(default_factory=lambda: np.zeros((0, 3, 0), np.float32))
 
 
 @dataclass(frozen=True)
@@ -270,6 +245,7 @@ class Scene:
     Attributes:
         name: the stage's file name or identifier.
         resolution: (width, height) [pixel].
+        geometry: the triangles in world space; prototypes: those that are traced through transforms.
         origin: of all positions here, in the stage's world space: 0 but for scenes far from it [scene units], shape
             (3,) float64.
         time: of the stage [time code].
@@ -288,3 +264,25 @@ class Scene:
     time: float = 0.0
     warnings: tuple[str, ...] = field(default=())
     notes: tuple[str, ...] = field(default=())
+    prototypes: tuple[Prototype, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Geometry, ...]:
+        """The triangles in world space, and those of each prototype."""
+        return (self.geometry, *(prototype.geometry for prototype in self.prototypes))
+
+    @property
+    def used_materials(self) -> NDArray[np.int32]:
+        """The indices of the materials that triangles have, ascending."""
+        return np.unique(np.concatenate([np.unique(part.materials) for part in self.parts]))
+
+    @property
+    def instance_count(self) -> int:
+        """How many places the prototypes have."""
+        return sum(len(prototype.prims) for prototype in self.prototypes)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles to be seen, those of a prototype in each of its places."""
+        copied = sum(len(one.prims) * len(one.geometry.triangles) for one in self.prototypes)
+        return len(self.geometry.triangles) + copied

@@ -16,7 +16,8 @@ from warpmis.device.views import CameraView, SceneView
 from warpmis.features import Features, detect
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
-from warpmis.kernels.intersect import Hit, closest_hit, make_intersect
+from warpmis.kernels.hit import Hit
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.path import make_path
 from warpmis.scene import Scene
 
@@ -42,22 +43,21 @@ def record(scene: SceneView, origin: wp.vec3, wi: wp.vec3, length: float):
         scene.dome.conditional[slot, 0] = length
 
 
-@wp.func
-def recorded_closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
-    record(scene, origin, wi, 1.0e30)
-    return closest_hit(scene, origin, wi)
-
-
 def recording_intersect(features: Features) -> SimpleNamespace:
     plain = make_intersect(features)
-    transmittance_of = plain.transmittance
+    closest_of, transmittance_of = plain.closest_hit, plain.transmittance
+
+    @wp.func
+    def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
+        record(scene, origin, wi, 1.0e30)
+        return closest_of(scene, origin, wi)
 
     @wp.func
     def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
         record(scene, origin, wi, distance)
         return transmittance_of(scene, origin, wi, distance)
 
-    plain.transmittance = transmittance
+    plain.closest_hit, plain.transmittance = closest_hit, transmittance
     return plain
 
 
@@ -69,14 +69,14 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
     view.dome.marginal = wp.zeros(1, dtype=float, device="cpu")
     view.dome.picture = wp.zeros((capacity, 2), dtype=wp.vec3, device="cpu")
     view.dome.conditional = wp.zeros((capacity, 1), dtype=float, device="cpu")
-    # Warp looks the names up when it compiles, so the recording functions must stand in until the kernel has run.
-    path_module.closest_hit, path_module.make_intersect = recorded_closest_hit, recording_intersect
+    # Warp looks the names up when it compiles, so the recording function must stand in until the kernel has run.
+    path_module.make_intersect = recording_intersect
     try:
         pixels = uploaded.camera.width * uploaded.camera.height
         run = recording_kernel(detect(scene))
         wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
     finally:
-        path_module.closest_hit, path_module.make_intersect = closest_hit, make_intersect
+        path_module.make_intersect = make_intersect
     count = int(view.dome.marginal.numpy()[0])
     if count > capacity:
         raise SystemExit(f"{count} rays do not fit into {capacity}; record fewer pixels or samples")

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.features import Features
+from warpmis.geometry import Geometry, Prototype
 from warpmis.kernels.frame import frame_from_normal, to_world
-from warpmis.kernels.intersect import closest_hit, make_intersect
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.trace import CPU_FLAGS
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 
-intersect = make_intersect(Features())
+intersect = make_intersect(Features(instances=True))
 
 ANYWHERE = wp.constant(0)
 AT_EDGES = wp.constant(1)
@@ -36,9 +37,13 @@ def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed:
     state = wp.rand_init(seed, wp.tid())
     o = center + (wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state)) * 2.0 - wp.vec3(1.0, 1.0, 1.0)) * inner
     d = wp.sample_unit_sphere_surface(state)
-    corners = scene.indices[wp.randi(state, 0, scene.indices.shape[0])]
+    first = wp.where(scene.instance_count > 0, 1, 0)  # for there is a triangle far away then
+    corners = scene.indices[wp.randi(state, first, scene.indices.shape[0])]
     a = scene.points[corners[0]]
     b = scene.points[corners[1]]
+    if scene.instance_count > 0:
+        a = scene.instances[0].linear * a + scene.instances[0].translation
+        b = scene.instances[0].linear * b + scene.instances[0].translation
     along = wp.randf(state)
     if aim == AT_EDGES:
         d = wp.normalize(a * (1.0 - along) + b * along - o)
@@ -55,7 +60,7 @@ def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed:
     if intersect.transmittance(scene, o, d, INFINITE_DISTANCE)[0] > 0.0:
         wp.atomic_add(leaks, 1, 1)
     for bounce in range(BOUNCES):
-        hit = closest_hit(scene, o, d)
+        hit = intersect.closest_hit(scene, o, d)
         if hit.distance >= INFINITE_DISTANCE:
             wp.atomic_add(leaks, wp.where(bounce == 0, 0, 2), 1)
             return
@@ -75,8 +80,20 @@ def leaks(scene: DeviceScene, rays: int, aim: Any, center: Any = (0.0, 0.0, 0.0)
 
 
 def uploaded(mesh: Mesh) -> DeviceScene:
+    return upload(dataclasses.replace(scenes.room(), geometry=geometry_of(mesh)), "cpu")
+
+
+def uploaded_in_places(mesh: Mesh, linear: NDArray[np.float64], translation: NDArray[np.float64]) -> DeviceScene:
+    """The mesh as a prototype in places, shapes (k, 3, 3) and (k, 3), and nothing else."""
+    none = np.zeros(len(linear), np.int32)
+    prototype = Prototype(geometry_of(mesh), linear, translation, none, none)
+    nothing = geometry_of((np.zeros((0, 3)), np.zeros((0, 3), np.int32)))
+    return upload(dataclasses.replace(scenes.room(), geometry=nothing, prototypes=(prototype,)), "cpu")
+
+
+def geometry_of(mesh: Mesh) -> Geometry:
     points, triangles = mesh
-    geometry = dataclasses.replace(
+    return dataclasses.replace(
         scenes.room().geometry,
         points=points.astype(np.float32),
         triangles=triangles,
@@ -84,7 +101,6 @@ def uploaded(mesh: Mesh) -> DeviceScene:
         materials=np.zeros(len(triangles), np.int32),
         prims=np.zeros(len(triangles), np.int32),
     )
-    return upload(dataclasses.replace(scenes.room(), geometry=geometry), "cpu")
 
 
 def cube(side: int = 16) -> Mesh:

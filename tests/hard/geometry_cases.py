@@ -103,7 +103,7 @@ GEOMETRY_CASES = [
     HardCase(
         "duplicated-faces",
         trouble="a ray that leaves one copy meets the other; splits of the tree separate nothing",
-        remedy="rays start off the surface by more than rounding (kernels/intersect.py: OFFSET; Waechter, Binder 2019)",
+        remedy="rays start off the surface by more than rounding (kernels/hit.py: OFFSET; Waechter, Binder 2019)",
         build=lit(mesh("Floor", SQUARE, [(0, 1, 2, 3)] * 1000)),
         mean=scattered(1.0),
     ),

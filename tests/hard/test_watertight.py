@@ -7,7 +7,17 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from hard.closed_meshes import ALONG_AXES, ANYWHERE, AT_EDGES, AT_VERTICES, MESHES, cube, leaks, uploaded
+from hard.closed_meshes import (
+    ALONG_AXES,
+    ANYWHERE,
+    AT_EDGES,
+    AT_VERTICES,
+    MESHES,
+    cube,
+    leaks,
+    uploaded,
+    uploaded_in_places,
+)
 
 from warpmis.device.mesh import padded_boxes
 from warpmis.device.upload import DeviceScene
@@ -41,6 +51,27 @@ def test_no_ray_gets_out_of_a_small_large_or_distant_cube(size: float, at: float
     scene = uploaded((points * size + at, triangles))
     for aim in AIMS.values():
         assert leaks(scene, 100_000, aim, center=(at, at, at), inner=0.05 * size) == [0, 0, 0]
+
+
+# Turned and stretched, mirrored, small: about no particular axis.
+ROTATION = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+PLACES = {
+    "turned": ROTATION,
+    "stretched": ROTATION @ np.diag([3.0, 0.5, 1.0]) @ ROTATION,
+    "mirrored": np.diag([1.0, -1.0, 1.0]) @ ROTATION,
+    "small": 1e-3 * ROTATION,
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("name", ["cube", "cube of squares", "ball"])
+def test_no_ray_gets_out_of_an_instance(name: str, place: str) -> None:
+    """Also where the scene is much larger than the instance, since another stands far away."""
+    linear, center = PLACES[place], np.array([3.0, -2.0, 5.0])
+    scene = uploaded_in_places(MESHES[name], np.stack([linear, np.eye(3)]), np.stack([center, [30.0, 0.0, 0.0]]))
+    size = np.linalg.svd(linear)[1].min()
+    for aim in AIMS.values():
+        assert leaks(scene, 100_000, aim, center=center, inner=0.05 * size) == [0, 0, 0]
 
 
 @pytest.mark.slow

@@ -96,6 +96,14 @@ def test_explanation_names_effects_their_prims_and_what_was_compiled(compiled: P
     assert any("memory: geometry" in line and "picture" in line for line in said)
 
 
+def test_ids_take_one_kernel_more(compiled: Path) -> None:
+    asked = "stage.usda --camera Here --method murray20 --ids --json".split()
+    report = json.loads(run(compiled, "compile", *asked).stdout)
+    assert (report["compiled"], report["cached"]) == (1, 2)
+    stats = json.loads(run(compiled, "render", *asked, "--image-width", "16", "--spp", "8").stdout)["stats"]
+    assert (stats["kernels_compiled"], stats["kernels_cached"]) == (0, 3)
+
+
 def test_a_device_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "stage.usda").write_text(STAGE)
     assert main(["compile", str(tmp_path / "stage.usda"), "--camera", "Here", "--device", "cuda:7"]) == 2

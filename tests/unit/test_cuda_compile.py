@@ -9,6 +9,7 @@ import warp as wp
 
 from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
 from warpmis.features import Features
+from warpmis.kernels.identify import make_identify
 from warpmis.kernels.moments import Layout
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.candidates import make_candidates
@@ -26,6 +27,7 @@ KERNELS = {
     "trace, every effect, next-event estimation": lambda: make_trace(Features.all()),
     "trace, no effect": lambda: make_trace(Features()),
     "trace, auto": lambda: make_trace(Features.all().with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "identify, every effect": lambda: make_identify(Features.all()),
     "newton_share": lambda: make_newton_share(Layout(2)),
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
     "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, METHODS["cost-aware"].statistics)),

@@ -41,6 +41,7 @@ FUNCTIONS = {
     "shadow_links": ("make_control__locals__transmittance",),
     "clearcoat": ("make_surface__locals__coat_transmittance",),
     "smooth": ("make_events__locals__choose",),
+    "instances": ("closest_hit_of_all", "instance_surface", "normal_to_world"),
     "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__passed"),
     "textures": ("picture_value", "make_texture__locals__value"),
     "normal_maps": ("make_intersect__locals__mapped_normal",),

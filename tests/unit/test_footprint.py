@@ -12,19 +12,24 @@ import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.footprint import scene_bytes
 from warpmis.device.upload import upload
+from warpmis.geometry import Prototype
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.rendering import features_of
 from warpmis.scene import Material
 from warpmis.texture import PrimvarLookup
 
 FILM = 132
-# Bytes of a pixel: films, shares, moments; where moments are pooled, these again and their scale.
+SUMS = 29 * 8
+# Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more with their weights, the guide to
+# the pixel's neighbours, and variance and cost.
 PER_PIXEL = {
     "nee": FILM,
     "balance": FILM + 2 * 4 + 5 * 8,
     "murray20": 2 * FILM + 2 * 4 + 5 * 8,
-    "auto": 2 * FILM + 2 * 4 + 2 * 30 * 8 + 8 + 16,
+    "auto": 2 * FILM + 2 * 4 + 3 * SUMS + 2 * 4 + 32 + 16,
 }
+# And of a row of pixels: its sum and count.
+PER_ROW = {"auto": SUMS + 4}
 
 
 def picture_bytes(method: str, pixels: int) -> int:
@@ -40,7 +45,7 @@ def picture_bytes(method: str, pixels: int) -> int:
 @pytest.mark.parametrize("method", PER_PIXEL)
 def test_bytes_per_pixel(method: str) -> None:
     grown = picture_bytes(method, 24) - picture_bytes(method, 16)
-    assert grown == (24**2 - 16**2) * PER_PIXEL[method]
+    assert grown == (24**2 - 16**2) * PER_PIXEL[method] + (24 - 16) * PER_ROW.get(method, 0)
 
 
 def grid(cells: int) -> warpmis.Scene:
@@ -61,10 +66,30 @@ def grid(cells: int) -> warpmis.Scene:
     return replace(scenes.room(), geometry=geometry)
 
 
-def test_bytes_per_triangle_and_point() -> None:
+def test_bytes_per_triangle() -> None:
+    """Three rows of points, the corners twice, the record: whatever the triangles share."""
     small, large = (scene_bytes(upload(grid(cells), "cpu"))["geometry"] for cells in (8, 24))
-    triangles, points = 2 * (24**2 - 8**2), 25**2 - 9**2
-    assert large - small == 44 * triangles + 12 * points
+    assert large - small == (36 + 24 + 20) * 2 * (24**2 - 8**2)
+
+
+def test_bytes_per_instance() -> None:
+    """A prototype's triangles once, and of each place its record and its box."""
+
+    def placed(count: int) -> dict[str, int]:
+        linear = np.tile(np.eye(3), (count, 1, 1))
+        zeros = np.zeros(count, np.int32)
+        prototype = Prototype(grid(8).geometry, linear, np.zeros((count, 3)), zeros, zeros)
+        return scene_bytes(upload(replace(grid(8), prototypes=(prototype,)), "cpu"))
+
+    none, few, many = scene_bytes(upload(grid(8), "cpu")), placed(3), placed(10)
+    assert few["geometry"] == many["geometry"] == 2 * none["geometry"]
+    assert many["instances"] - few["instances"] == (10 - 3) * (104 + 24)
+
+
+def test_bytes_of_ids() -> None:
+    """Prim, face and place of each triangle."""
+    found = scene_bytes(upload(grid(8), "cpu", ids=True))
+    assert found["prims"] + found["ids"] == 12 * len(grid(8).geometry.triangles)
 
 
 def test_bytes_of_normals_and_primvars() -> None:

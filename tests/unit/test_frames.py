@@ -14,6 +14,7 @@ import scenes
 import warpmis
 from warpmis.cli import main
 from warpmis.cli.frames import frame_list, numbered
+from warpmis.device import upload
 from warpmis.errors import ConfigError
 from warpmis.output.exr import read_exr
 
@@ -115,6 +116,29 @@ def test_impossible_sequences_are_one_line(stage: str, capsys: pytest.CaptureFix
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1
     assert not list(Path().glob("*.exr"))
+
+
+@pytest.mark.parametrize(("moving", "builds"), [("Camera", 1), ("Sphere", 3)])
+def test_trees_are_built_again_only_where_triangles_have_changed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, moving: str, builds: int
+) -> None:
+    """Three frames, and the same pictures as those of renders of their own."""
+    monkeypatch.chdir(tmp_path)
+    moves = """double3 xformOp:translate.timeSamples = { 1: (0, 0, 5), 3: (1, 0, 6) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]"""
+    prims = [f'def {kind} "{kind}" {{\n{moves if kind == moving else ""}\n}}\n' for kind in ("Camera", "Sphere")]
+    prims.append('def DomeLight "Sky" {\n}\n')
+    Path("moving.usda").write_text("#usda 1.0\n" + "".join(prims))
+    made = []
+    build = upload.upload_solids
+    monkeypatch.setattr(upload, "upload_solids", lambda *scene: made.append(scene) or build(*scene))
+    assert main(["render", "moving.usda", "f#.exr", "--frames", "1:3", *SMALL]) == 0
+    assert len(made) == builds
+    for frame in (1, 2, 3):
+        assert main(["render", "moving.usda", "one.exr", "--time", str(frame), *SMALL]) == 0
+        found, expected = read_exr(f"f{frame}.exr")[0], read_exr("one.exr")[0]
+        np.testing.assert_array_equal(found["Z"], expected["Z"])
+        np.testing.assert_array_equal(found["R"], expected["R"])
 
 
 # ---- interruption ---------------------------------------------------------------------------------------------------

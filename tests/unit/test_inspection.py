@@ -65,7 +65,8 @@ def test_an_emissive_prim_is_a_light_of_its_area(double_sided, sides):
 
 def test_counts_bounds_and_memory():
     found = inspect_scene(room())
-    assert found.counts == {"prims": 3, "triangles": 12, "points": 24, "materials": 3, "textures": 0, "RectLight": 1}
+    counts = {"prims": 3, "triangles": 12, "points": 24, "instances": 0, "materials": 3, "textures": 0, "RectLight": 1}
+    assert found.counts == counts
     np.testing.assert_allclose(found.bounds, [[-1, 0, -1], [1, 2, 1]])
     floats_and_ints = 24 * 3 + 12 * 3 + 12 * 3 + 12 + 12
     assert found.memory == {"geometry": 4 * floats_and_ints, "textures": 0, "environments": 0, "total": 672}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from warpmis.device.order import first_use_order, morton_codes, morton_order, spread_bits
 from warpmis.device.upload import ordered
-from warpmis.scene import Geometry
+from warpmis.geometry import Geometry
 
 
 def soup(faces: int = 500, seed: int = 1) -> Geometry:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from warpmis.device.upload import upload
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.features import Features
-from warpmis.kernels.intersect import closest_hit, make_intersect
+from warpmis.kernels.hit import closest_hit
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.material import make_material
 from warpmis.scene import Scene
 

@@ -60,6 +60,15 @@ def shading_normals(scene: Scene) -> NDArray[np.float64]:
     return scene.geometry.normals[scene.geometry.normal_indices].astype(np.float64)
 
 
+def centers(scene: Scene) -> dict[str, NDArray[np.float64]]:
+    """Middle of each prim's box, by path, for prims that appear once."""
+    points, prims = corners(scene), scene.geometry.prims
+    return {
+        prim.path: (points[prims == i].min(axis=(0, 1)) + points[prims == i].max(axis=(0, 1))) / 2
+        for i, prim in enumerate(scene.prims)
+    }
+
+
 def check_invariants(scene: Scene) -> None:
     """What scene.py promises of every Geometry."""
     g = scene.geometry

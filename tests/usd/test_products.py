@@ -90,13 +90,13 @@ def test_variables_are_channels(variable: str, channels: dict[str, str]) -> None
 
 def test_what_is_not_supported_is_a_warning_and_the_rest_is_written() -> None:
     found = only(
-        var("id", "primId"), var("st", "color", 'uniform token sourceType = "primvar"'), var("z"),
+        var("id", "pointId"), var("st", "color", 'uniform token sourceType = "primvar"'), var("z"),
         product("P", 'uniform token productType = "deepRaster"', "id st z Nope"),
     )  # fmt: skip
     assert found.channels == {"Z": "Z"}
     assert [line.split(":")[0] for line in found.warnings] == ["/Render/P", "/Render/id", "/Render/st", "/Render/Nope"]
     assert only(product("P", "")).channels is None
-    assert only(var("id", "primId"), product("P", "", "id")).channels is None
+    assert only(var("id", "pointId"), product("P", "", "id")).channels is None
 
 
 def test_a_product_overrides_the_settings() -> None:

@@ -11,15 +11,12 @@ from warpmis.cli.console import byte_text, say
 if TYPE_CHECKING:
     from warpmis.result import RenderResult
 
-# Options of a render that tell load_stage nothing.
-ONLY_RENDER = ("shutter_samples",)
-
 
 def explain(result: RenderResult, stage: str, options: Mapping[str, Any]) -> None:
     """Say it on standard error; `options` are those that the stage was read with."""
     from warpmis.inspection import effects
 
-    scene = warpmis.load_stage(stage, **{name: value for name, value in options.items() if name not in ONLY_RENDER})
+    scene = warpmis.load_stage(stage, **options)
     callers = {effect.name: effect.prim for effect in effects(scene)}
     for line in lines(result.stats, callers):
         say(line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 import time
@@ -17,10 +18,11 @@ from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import CEILING, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
+from warpmis.result import IDS, RenderResult
 
 if TYPE_CHECKING:
     from warpmis.features import Features
-    from warpmis.result import RenderResult
+    from warpmis.rendering import Uploads
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
@@ -129,6 +131,9 @@ def add_kernel_options(group: Any) -> None:
     )
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
     group.add_argument(
+        "--ids", action="store_true", default=None, help="also primId, instanceId and elementId into the EXR"
+    )
+    group.add_argument(
         "--features", choices=FEATURES, default=FEATURES[0],
         help="effects in the kernels: those that the scene calls for, or all, which is slower and for comparison alone",
     )  # fmt: skip
@@ -136,7 +141,7 @@ def add_kernel_options(group: Any) -> None:
 
 def kernel_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """What `add_kernel_options` asked for, but the features, as RenderConfig names it."""
-    names = ("method", "strategies", "strategy_choice", "max_depth", "device")
+    names = ("method", "strategies", "strategy_choice", "max_depth", "device", "ids")
     return given(**{name: getattr(arguments, name) for name in names})
 
 
@@ -284,11 +289,14 @@ def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
     jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
+    from warpmis.rendering import Uploads  # here, for it loads Warp
+
+    uploads = Uploads() if len(jobs) > 1 else None
     said: set[str] = set()
     reports: list[dict[str, Any]] = []
     try:
         for job in jobs:
-            reports.append(_render(job, arguments, config, said))
+            reports.append(_render(job, arguments, config, uploads, said))
     except Interrupted as stop:
         reports.append(_finish(stop.result, jobs[len(reports)], arguments, said))
         raise
@@ -298,12 +306,15 @@ def run(arguments: argparse.Namespace) -> None:
             print(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
 
 
-def _render(job: Job, arguments: argparse.Namespace, config: RenderConfig, said: set[str]) -> dict[str, Any]:
+def _render(
+    job: Job, arguments: argparse.Namespace, config: RenderConfig, uploads: Uploads | None, said: set[str]
+) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
-        options = {**stage_options(arguments), **given(shutter_samples=arguments.shutter_samples), **job.options}
-        features = given(features=forced_features(arguments))
-        result = warpmis.render(arguments.stage, config=config, progress=show, **options, **features)
+        more = given(shutter_samples=arguments.shutter_samples, uploads=uploads, features=forced_features(arguments))
+        options = {**stage_options(arguments), **job.options}
+        asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
+        result = warpmis.render(arguments.stage, config=asked, progress=show, **options, **more)
     report = _finish(result, job, arguments, said)
     if arguments.explain:
         explain(result, arguments.stage, options)

@@ -1,6 +1,6 @@
 """Bytes in a device's memory that a scene and a picture take (docs/effects.md states them per triangle and pixel).
 
-Warp's trees are not counted: Warp does not tell their size.
+The nodes of Warp's trees are not counted: Warp does not tell their size.
 """
 
 from __future__ import annotations
@@ -28,8 +28,11 @@ PURPOSES = {
     "delta_lights": "lights",
     "emitter_triangles": "lights",
     "emitter_cdf": "lights",
+    "instances": "instances",
     "controls": "light controls",
-    "prims": "light controls",
+    "prims": "prims",
+    "faces": "ids",
+    "copies": "ids",
     "dome": "dome",
 }
 STRUCTS: tuple[Any, ...] = (SceneView, VaryingView, DomeView, ControlView, FilmView)
@@ -40,7 +43,10 @@ def scene_bytes(scene: DeviceScene) -> dict[str, int]:
     total: Counter[str] = Counter()
     for part in (scene.view, *scene.owned):
         if isinstance(part, wp.Mesh):
-            total["geometry"] += array_bytes(part.indices)
+            total["geometry"] += array_bytes(part.indices)  # the points are the view's
+        elif isinstance(part, wp.Bvh):
+            purpose = "instances" if part.id == scene.view.instance_bvh else "lights"
+            total[purpose] += array_bytes([part.lowers, part.uppers])
         elif isinstance(part, list):
             total["light controls"] += array_bytes(part)
         else:
@@ -52,7 +58,7 @@ def scene_bytes(scene: DeviceScene) -> dict[str, int]:
 def array_bytes(value: Any) -> int:
     """Bytes of an array, or of all arrays in a struct or a sequence; 0 for anything else."""
     if isinstance(value, wp.array):
-        return int(value.capacity)
+        return int(value.size * wp.types.type_size_in_bytes(value.dtype))
     parts = value if isinstance(value, list | tuple) else fields_of(value).values()
     return sum(array_bytes(part) for part in parts)
 

@@ -22,13 +22,13 @@ from warpmis.device.views import (
     LightView,
 )
 from warpmis.features import is_delta, is_emissive
+from warpmis.geometry import Geometry
 from warpmis.light_control import LightControl
 from warpmis.scene import (
     CylinderLight,
     DiskLight,
     DistantLight,
     DomeLight,
-    Geometry,
     Light,
     RectLight,
     Scene,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from warpmis.device.views import (
     BLACK,
+    BLOCK,
     BYTES,
     CLAMP,
     COAT,
@@ -35,7 +36,7 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.scene import Material, Scene
-from warpmis.texture import FIRST_TILE, Lookup, PrimvarLookup, Texture, byte_values, channel_of
+from warpmis.texture import FIRST_TILE, Lookup, PrimvarLookup, Texture, TextureLookup, byte_values, channel_of
 
 WRAP_MODES = {"black": BLACK, "clamp": CLAMP, "repeat": REPEAT, "mirror": MIRRORED}
 UDIM_COLUMNS = 10
@@ -84,10 +85,16 @@ class MaterialTables:
         view = InputsView()
         constant = material.mean
         view.first_lookup = len(self.lookups)
-        for name, (attribute, number) in INPUTS.items():
+        for name, (attribute, _) in INPUTS.items():
             setattr(view, attribute, getattr(constant, name))
-            if name in material.lookups:
-                self.lookups.append(self._lookup(material.lookups[name], number))
+        lookups = material.lookups
+        looked_up = [(lookups[name], number) for name, (_, number) in INPUTS.items() if name in lookups]
+        # What looks up the same texels stands side by side, so that they are fetched once.
+        kinds = [any_channel(lookup) for lookup, _ in looked_up]
+        order = sorted(range(len(looked_up)), key=lambda place: kinds.index(kinds[place]))
+        for before, place in zip([-1, *order], order, strict=False):
+            self.lookups.append(self._lookup(*looked_up[place]))
+            self.lookups[-1].repeats = int(before >= 0 and kinds[before] == kinds[place])
         view.lookup_count = len(self.lookups) - view.first_lookup
         view.normal_lookup = -1
         if material.normal is not None:
@@ -125,11 +132,12 @@ class MaterialTables:
     def _tile(self, pixels: NDArray[Any], is_srgb: bool) -> TileView:
         view = TileView()
         view.rows, view.columns, view.channels = pixels.shape
+        view.blocks = -(-view.columns // BLOCK)
         is_byte = pixels.dtype == np.uint8
         view.encoding = (SRGB_BYTES if is_srgb else BYTES) if is_byte else FLOATS
         if id(pixels) not in self.placed:
             self.placed[id(pixels)] = self.words
-            self.texels.append(byte_words(pixels) if is_byte else pixels.ravel().view(np.uint32))
+            self.texels.append(in_blocks(byte_words(pixels) if is_byte else pixels.view(np.uint32)))
             self.words += len(self.texels[-1])
         view.first = self.placed[id(pixels)]
         return view
@@ -143,13 +151,26 @@ def material_tables(scene: Scene) -> MaterialTables:
 
 
 def byte_words(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """Texels of 1 to 4 bytes as red, green, blue and alpha in one word, red lowest, shape (rows * columns,)."""
+    """Texels of 1 to 4 bytes as red, green, blue and alpha in one word, red lowest, shape (rows, columns, 1)."""
     places = [channel_of(channel, pixels.shape[-1]) for channel in range(4)]
     words = np.full(pixels.shape[:2], 255 << 24 if places[3] < 0 else 0, np.uint32)
     for channel, place in enumerate(places):
         if place >= 0:
             words |= pixels[..., place].astype(np.uint32) << np.uint32(8 * channel)
-    return words.ravel()
+    return words[..., None]
+
+
+def in_blocks(texels: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Words of texels, shape (rows, columns, words), block by block, shape (n,); blocks at the edges are filled up."""
+    rows, columns, words = texels.shape
+    texels = np.pad(texels, ((0, -rows % BLOCK), (0, -columns % BLOCK), (0, 0)))
+    blocks = texels.reshape(-1, BLOCK, texels.shape[1] // BLOCK, BLOCK, words)
+    return blocks.swapaxes(1, 2).ravel()
+
+
+def any_channel(lookup: Lookup) -> Lookup:
+    """What is equal of lookups that read the same texels."""
+    return replace(lookup, channels="rgb") if isinstance(lookup, TextureLookup) else lookup
 
 
 def upload_materials(view: SceneView, tables: MaterialTables, primvars: NDArray[np.float32]) -> VaryingView | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,10 +11,12 @@ import warp as wp
 
 from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
+from warpmis.device.instances import largest_shrinking, upload_instances
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import material_tables, upload_materials
-from warpmis.device.mesh import padded_boxes, watertight_mesh
+from warpmis.device.mesh import padded_boxes, watertight_meshes
 from warpmis.device.order import first_use_order, morton_order
+from warpmis.device.records import records
 from warpmis.device.views import (
     DISTANT,
     DOME,
@@ -27,7 +30,8 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.errors import ConfigError
-from warpmis.scene import Camera, Geometry, Scene
+from warpmis.geometry import Geometry, bounds, joined
+from warpmis.scene import Camera, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,22 +50,93 @@ def check_device(device: str) -> None:
         raise ConfigError(f"this machine has no device '{device}'; choose from {', '.join(known)}")
 
 
-def upload(scene: Scene, device: str, mis_compensation: bool = False) -> DeviceScene:
-    """Copy a scene to a device and build its trees.
+def upload(
+    scene: Scene, device: str, mis_compensation: bool = False, ids: bool = False, uploads: Uploads | None = None
+) -> DeviceScene:
+    """Copy a scene to a device and build its trees, but for those that `uploads` has; `ids` for kernels/identify.py.
 
     Raises:
         ConfigError: the machine lacks the device.
     """
     check_device(device)
-    geometry = ordered(scene.geometry)
-    tables = light_tables(scene, geometry)
+    solids = (uploads or Uploads()).solids_of(scene, device)
+    geometry = solids.geometry
+    tables = light_tables(scene, solids.in_world)
     with wp.ScopedDevice(device):
         view = SceneView()
-        mesh = upload_mesh(view, geometry)
+        for name, value in solids.fields.items():
+            setattr(view, name, value)
         varying = upload_surfaces(view, scene, geometry, tables)
         lights = upload_lights(view, geometry, tables, mis_compensation)
+        if ids:
+            upload_ids(view, geometry)
         camera = camera_view(scene.camera, scene.resolution)
-    return DeviceScene(view, camera, (mesh, *lights, varying))
+    return DeviceScene(view, camera, (*solids.owned, *lights, varying))
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """The triangles on a device.
+
+    Attributes:
+        geometry: all of them, in the order in which they are there; in_world: those that stand in world space.
+        fields: of a SceneView.
+        owned: keeps alive what the fields point into.
+    """
+
+    geometry: Geometry
+    in_world: Geometry
+    fields: dict[str, Any]
+    owned: tuple[Any, ...]
+
+
+@dataclass(eq=False)
+class Uploads:
+    """What a render has put on a device, for the next one to use again if it has the same triangles.
+
+    Of a sequence in which the camera, lights or materials alone change, the trees are built once.
+    """
+
+    key: tuple[str, bytes] | None = None
+    solids: Solids | None = None
+
+    def solids_of(self, scene: Scene, device: str) -> Solids:
+        key = (device, fingerprint(scene))
+        if self.solids is None or key != self.key:
+            self.key, self.solids = key, upload_solids(scene, device)
+        return self.solids
+
+
+def fingerprint(scene: Scene) -> bytes:
+    """The same of scenes whose triangles and prototypes are equal, and of no others."""
+    found = hashlib.sha1(usedforsecurity=False)
+    for owner in (*scene.parts, *scene.prototypes):
+        for name, column in vars(owner).items():
+            if isinstance(column, np.ndarray):
+                found.update(f"{name} {column.shape}".encode())
+                found.update(np.ascontiguousarray(column).data)
+    return found.digest()
+
+
+def upload_solids(scene: Scene, device: str) -> Solids:
+    """The triangles in the device's memory, with their trees."""
+    parts = [ordered(part) for part in scene.parts]
+    geometry = joined(parts)
+    first = np.cumsum([0, *(len(part.triangles) for part in parts)]).tolist()
+    whole = bounds(scene.geometry, scene.prototypes)
+    extent = 0.0 if whole is None else float((whole[1] - whole[0]).max())
+    reaches = [extent, *(extent * largest_shrinking(prototype) for prototype in scene.prototypes)]
+    with wp.ScopedDevice(device):
+        meshes, points = watertight_meshes(geometry.points, geometry.triangles, first, reaches)
+        fields = {
+            "points": points,
+            "indices": wp.array(geometry.triangles, dtype=wp.vec3i),
+            "normals": wp.array(geometry.normals, dtype=wp.vec3),
+        }
+        instances, owned = upload_instances(scene.prototypes, meshes[1:], first[1:-1], extent)
+    return Solids(
+        geometry, parts[0], {**fields, "mesh": meshes[0].id, **instances}, (*meshes, *owned, *fields.values())
+    )
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -75,42 +150,29 @@ def ordered(geometry: Geometry) -> Geometry:
             materials=np.zeros(1, dtype=np.int32),
             prims=np.zeros(1, dtype=np.int32),
             primvars=np.zeros((1, 3, 0), dtype=np.float32),
+            faces=np.zeros(0, dtype=np.int32),
+            copies=np.zeros(0, dtype=np.int32),
         )
     order = morton_order(geometry.points, geometry.triangles)
     kept, triangles = first_use_order(geometry.triangles[order], len(geometry.points))
-    return replace(
-        geometry,
-        points=geometry.points[kept],
-        triangles=triangles,
-        normal_indices=geometry.normal_indices[order],
-        materials=geometry.materials[order],
-        prims=geometry.prims[order],
-        primvars=geometry.primvars[order] if geometry.primvars.size else geometry.primvars,
-    )
+    return replace(geometry.ordered(order), points=geometry.points[kept], triangles=triangles)
 
 
-def upload_mesh(view: SceneView, geometry: Geometry) -> wp.Mesh:
-    mesh = watertight_mesh(geometry.points, geometry.triangles)
-    view.mesh = mesh.id
-    view.points = mesh.points
-    view.indices = wp.array(geometry.triangles, dtype=wp.vec3i)
-    view.normals = wp.array(geometry.normals, dtype=wp.vec3)
-    return mesh
-
-
-def records(dtype: Any, columns: dict[str, Any], count: int) -> wp.array:
-    """An array of structs from one column a field, through the struct's own memory layout."""
-    table = np.zeros(count, dtype=dtype.numpy_dtype())
-    for name, column in columns.items():
-        table[name] = column
-    return wp.array(table, dtype=dtype)
+def upload_ids(view: SceneView, geometry: Geometry) -> None:
+    """Which prim each triangle belongs to, which of its faces and which of its places."""
+    none = np.zeros(len(geometry.triangles), dtype=np.int32)
+    view.prims = wp.array(geometry.prims, dtype=int)
+    view.faces = wp.array(geometry.faces if geometry.faces.size else none, dtype=int)
+    view.copies = wp.array(geometry.copies if geometry.copies.size else none, dtype=int)
 
 
 def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> VaryingView | None:
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
-    columns = {"normals": geometry.normal_indices, "material": material, "light": tables.triangle_light}
+    light = np.full(len(geometry.triangles), -1, dtype=np.int32)
+    light[: len(tables.triangle_light)] = tables.triangle_light
+    columns = {"normals": geometry.normal_indices, "material": material, "light": light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
     return upload_materials(view, material_tables(scene), geometry.primvars)
 

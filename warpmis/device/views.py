@@ -31,6 +31,10 @@ FLOATS = 0
 BYTES = 1
 SRGB_BYTES = 2
 
+# A picture's texels stand in square blocks with so many along each side, so that the four of one lookup, bytes of 64 in
+# a block, are mostly in one line of the cache.
+BLOCK = 4
+
 # Wrap modes of texture coordinates.
 BLACK = 0
 CLAMP = 1
@@ -101,9 +105,11 @@ class InputsView:
 class LookupView:
     """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
     begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
-    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0."""
+    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0; repeats: 1
+    where all but `input` and `channel` is as in the row before."""
 
     input: int
+    repeats: int
     column: int
     tile: int
     udim_rows: int
@@ -119,13 +125,15 @@ class LookupView:
 
 @wp.struct
 class TileView:
-    """A picture's texels in VaryingView.texels from `first` on, row by row from the top: a word of red, green, blue and
-    alpha bytes each, or `channels` floats. rows is 0 where a UDIM picture has no tile."""
+    """A picture's texels in VaryingView.texels from `first` on, a word of red, green, blue and alpha bytes each, or
+    `channels` floats: `blocks` blocks side by side, one such row after the other from the top, and so within a block.
+    rows is 0 where a UDIM picture has no tile."""
 
     encoding: int
     first: int
     rows: int
     columns: int
+    blocks: int
     channels: int
 
 
@@ -228,16 +236,39 @@ class DomeView:
 
 
 @wp.struct
+class InstanceView:
+    """A place of a prototype, whose triangles are the rows of SceneView.triangles from `first_triangle` on.
+
+    linear, translation: a point p of the mesh is at linear p + translation; inverse: of `linear`; prim, copy: in place
+    of SceneView.prims and copies.
+    """
+
+    mesh: wp.uint64
+    first_triangle: int
+    prim: int
+    copy: int
+    linear: wp.mat33
+    translation: wp.vec3
+    inverse: wp.mat33
+
+
+@wp.struct
 class SceneView:
     """The whole scene.
 
+    mesh: the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with points and
+    normals in their own spaces. instance_bvh: over the boxes of `instances`, of which there may be none.
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
     a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
-    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls;
+    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls or
+    ids are asked for; faces, copies: the same for ids;
     varying: one record, in an array so that the scene stays small: device functions take it by value.
     """
 
     mesh: wp.uint64
+    instance_bvh: wp.uint64
+    instances: wp.array(dtype=InstanceView)
+    instance_count: int
     points: wp.array(dtype=wp.vec3)
     indices: wp.array(dtype=wp.vec3i)
     normals: wp.array(dtype=wp.vec3)
@@ -251,6 +282,8 @@ class SceneView:
     delta_light_count: int
     controls: wp.array(dtype=ControlView)
     prims: wp.array(dtype=int)
+    faces: wp.array(dtype=int)
+    copies: wp.array(dtype=int)
     emitter_bvh: wp.uint64
     emitter_triangles: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)

@@ -11,6 +11,7 @@ from warpmis.device.views import (
     DIFFUSE,
     EMISSIVE,
     METALLIC,
+    RGB,
     ROUGHNESS,
     SPECULAR,
     InputsView,
@@ -19,6 +20,7 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.features import Features
+from warpmis.kernels.hit import Hit
 from warpmis.kernels.texture import coordinates, make_texture, picture_value
 
 wp.set_module_options({"enable_backward": False})
@@ -47,8 +49,14 @@ def make_material(features: Features) -> SimpleNamespace:
         A loop with one lookup in it: a call for each input would be compiled in place nine times.
         """
         i = constant
+        channels = wp.vec4()
         for row in range(i.first_lookup, i.first_lookup + i.lookup_count):
-            value = texture.value(varying, row, triangle, u, v)
+            if varying[0].lookups[row].repeats == 0:
+                channels = texture.value(varying, row, triangle, u, v)
+            value = wp.vec3(channels[0], channels[1], channels[2])
+            channel = varying[0].lookups[row].channel
+            if channel != RGB:
+                value = wp.vec3(channels[channel], channels[channel], channels[channel])
             number = wp.clamp(value[0], 0.0, 1.0)
             which = varying[0].lookups[row].input
             if which == DIFFUSE:
@@ -112,13 +120,14 @@ def make_material(features: Features) -> SimpleNamespace:
         return scene.varying[0].inputs[row].normal_lookup >= 0
 
     @wp.func
-    def tilted(scene: SceneView, triangle: int, u: float, v: float, n: wp.vec3) -> wp.vec3:
-        """The unit normal `n` (on the front) turned by the normal map that the material has.
+    def tilted(scene: SceneView, hit: Hit, n: wp.vec3) -> wp.vec3:
+        """The unit normal `n` (of the front, in the world) turned by the normal map that the material has.
 
         The map's x and y go along the surface in the directions in which the texture coordinates grow:
         dp/ds and dp/dt from the triangle's edges, made orthogonal to n.
         Reference: Lengyel (2019), "Foundations of Game Engine Development 2", section 7.5.
         """
+        triangle = hit.triangle
         varying = scene.varying
         row = scene.materials[scene.triangles[triangle].material].inputs
         lookup = varying[0].lookups[varying[0].inputs[row].normal_lookup]
@@ -126,6 +135,10 @@ def make_material(features: Features) -> SimpleNamespace:
         p2 = scene.points[corners[2]]
         e0 = scene.points[corners[0]] - p2
         e1 = scene.points[corners[1]] - p2
+        if wp.static(features.instances):
+            if hit.instance >= 0:
+                e0 = scene.instances[hit.instance].linear * e0
+                e1 = scene.instances[hit.instance].linear * e1
         st2 = coordinates(varying[0].primvars, lookup, triangle, 0.0, 0.0)
         d0 = coordinates(varying[0].primvars, lookup, triangle, 1.0, 0.0) - st2
         d1 = coordinates(varying[0].primvars, lookup, triangle, 0.0, 1.0) - st2
@@ -142,7 +155,7 @@ def make_material(features: Features) -> SimpleNamespace:
         bitangent = wp.cross(n, tangent)
         if wp.dot(bitangent, along_t) < 0.0:
             bitangent = -bitangent
-        value = picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
+        value = picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, hit.u, hit.v))
         turned = tangent * value[0] + bitangent * value[1] + n * value[2]
         length = wp.length(turned)
         return wp.where(length > 0.0, turned / wp.max(length, 1.0e-20), n)

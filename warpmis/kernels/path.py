@@ -15,7 +15,7 @@ from warpmis.kernels import rng, roulette
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import Surface, make_surface
 from warpmis.kernels.frame import Frame, luminance, to_local, to_world
-from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
+from warpmis.kernels.intersect import MAX_PASSED, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.mesh import pdf_mesh
 from warpmis.kernels.light.records import Receiver
@@ -214,7 +214,7 @@ def make_path(features: Features) -> SimpleNamespace:
         survived = float(1.0)
 
         for step in range(max_depth + 1 + MAX_PASSED):
-            hit = closest_hit(scene, start, wi)
+            hit = intersect.closest_hit(scene, start, wi)
             path.rays += 1
             if wp.static(features.clipping):
                 if bounces == 0 and near + hit.distance > reach:
@@ -301,14 +301,14 @@ def make_path(features: Features) -> SimpleNamespace:
                     r = Receiver()
                     r.x = start
                     if wp.static(features.controlled):
-                        r.prim = lights.control.prim_of(scene, hit.triangle)
+                        r.prim = lights.control.prim_of(scene, hit)
                     arrival = SEEN
                     continue
 
             u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
             r = lights.receiver(scene, start, frame.n, u_light[0])
             if wp.static(features.controlled):
-                r.prim = lights.control.prim_of(scene, hit.triangle)
+                r.prim = lights.control.prim_of(scene, hit)
             s = surface.prepare(material, wo)
             if wp.static(features.delta_light):
                 u_delta = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)

@@ -8,7 +8,18 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import BLACK, FLOATS, MIRRORED, REPEAT, RGB, SRGB_BYTES, LookupView, TileView, VaryingView
+from warpmis.device.views import (
+    BLACK,
+    BLOCK,
+    FLOATS,
+    MIRRORED,
+    REPEAT,
+    RGB,
+    SRGB_BYTES,
+    LookupView,
+    TileView,
+    VaryingView,
+)
 from warpmis.features import Features
 
 wp.set_module_options({"enable_backward": False})
@@ -60,13 +71,20 @@ def wrapped_index(i: int, count: int, mode: int) -> int:
 
 
 @wp.func
+def place_of(tile: TileView, row: int, column: int) -> int:
+    """Where a texel stands among those of its picture, block by block."""
+    block = (row / BLOCK) * tile.blocks + column / BLOCK
+    return (block * BLOCK + row % BLOCK) * BLOCK + column % BLOCK
+
+
+@wp.func
 def texel(
     texels: wp.array(dtype=wp.uint32), byte_values: wp.array(dtype=float), tile: TileView, row: int, column: int
 ) -> wp.vec4:
     """Linear red, green, blue and alpha; black where row or column is -1."""
     if row < 0 or column < 0:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
-    place = row * tile.columns + column
+    place = place_of(tile, row, column)
     if tile.encoding == FLOATS:
         first = tile.first + place * tile.channels
         r = wp.cast(texels[first], float)
@@ -144,23 +162,19 @@ def make_texture(features: Features) -> SimpleNamespace:
     """The lookup for what varies in `features`: value."""
 
     @wp.func
-    def value(varying: wp.array(dtype=VaryingView), row: int, triangle: int, u: float, v: float) -> wp.vec3:
-        """A lookup's colour, not clamped; of one that gives a number, that in all three."""
+    def value(varying: wp.array(dtype=VaryingView), row: int, triangle: int, u: float, v: float) -> wp.vec4:
+        """All channels of a lookup, not clamped; of a primvar that is a number, the first."""
         lookup = varying[0].lookups[row]
         if wp.static(features.vertex_colors):
             if lookup.tile < 0:
                 red = interpolated(varying[0].primvars, triangle, lookup.column, u, v)
                 if lookup.channel != RGB:
-                    return wp.vec3(red, red, red)
+                    return wp.vec4(red, 0.0, 0.0, 1.0)
                 green = interpolated(varying[0].primvars, triangle, lookup.column + 1, u, v)
                 blue = interpolated(varying[0].primvars, triangle, lookup.column + 2, u, v)
-                return wp.vec3(red, green, blue)
-        texel = wp.vec4()
+                return wp.vec4(red, green, blue, 1.0)
         if wp.static(features.textures):
-            texel = picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
-            if lookup.channel != RGB:
-                channel = texel[lookup.channel]
-                return wp.vec3(channel, channel, channel)
-        return wp.vec3(texel[0], texel[1], texel[2])
+            return picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
+        return wp.vec4(0.0, 0.0, 0.0, 1.0)
 
     return SimpleNamespace(value=value)

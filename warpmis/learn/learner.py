@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -62,6 +63,12 @@ class Learner:
         """All that will be launched, so that they can be compiled beforehand."""
         solver = [self.solver] if self.method.learns else []
         return [*solver, *self.neighbours.kernels] if self.neighbours else solver
+
+    @property
+    def buffers(self) -> list[Any]:
+        """All that is kept on the device, among what is not."""
+        pooling = vars(self.neighbours).values() if self.neighbours else ()
+        return [*vars(self).values(), *pooling]
 
     @property
     def min_share(self) -> float:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom, UsdUtils
 
 from warpmis.errors import ConfigError, StageError
-from warpmis.scene import Camera, CylinderLight, DiskLight, Geometry, Light, RectLight, SphereLight
-from warpmis.usd.clipping import Bounds, clipping_planes
+from warpmis.geometry import Bounds, Geometry, Prototype, bounds
+from warpmis.scene import Camera, CylinderLight, DiskLight, Light, RectLight, SphereLight
+from warpmis.usd.clipping import clipping_planes
 from warpmis.usd.reading import PxrError, Reading, one_line
 from warpmis.usd.settings import WHOLE, Settings
 
@@ -34,6 +35,7 @@ def read_camera(
     asked: str | None,
     width: int | None,
     geometry: Geometry,
+    prototypes: tuple[Prototype, ...],
     lights: list[Light],
     origin: NDArray[np.float64],
 ) -> tuple[Camera, tuple[int, int]]:
@@ -50,8 +52,8 @@ def read_camera(
     """
     prim = _find_camera(reading, settings, asked)
     if prim is None:
-        bounds = world_bounds(geometry, lights)
-        path, gf_camera = "", framing_camera(bounds, str(UsdGeom.GetStageUpAxis(reading.stage)))
+        framed = world_bounds(geometry, prototypes, lights)
+        path, gf_camera = "", framing_camera(framed, str(UsdGeom.GetStageUpAxis(reading.stage)))
         reading.notes.append("the stage has no camera: one that frames the geometry is used")
     else:
         path, gf_camera = str(prim.GetPath()), _lens(prim, reading)
@@ -62,7 +64,8 @@ def read_camera(
         radius, focus = _thin_lens(gf_camera, path, settings, reading)
         camera = replace(camera, lens_radius=radius, focus_distance=focus, exposure=_exposure(prim, reading))
         camera = replace(camera, shutter=_shutter(prim, settings, reading))
-        planes = clipping_planes(prim, camera, geometry, light_boxes(lights), reading)
+        solids = [prototype.boxes for prototype in prototypes]
+        planes = clipping_planes(prim, camera, geometry, solids, light_boxes(lights), reading)
         camera = replace(camera, clipping_planes=planes)
     if settings.data_window != WHOLE:
         camera, resolution = cropped(camera, resolution, settings)
@@ -254,22 +257,20 @@ def framing_camera(bounds: Bounds, up_axis: str) -> Any:
     return gf_camera
 
 
-def world_bounds(geometry: Geometry, lights: list[Light]) -> Bounds:
+def world_bounds(geometry: Geometry, prototypes: tuple[Prototype, ...], lights: list[Light]) -> Bounds:
     """Smallest and largest corner of the geometry, or, without any, of the lights that have a place."""
-    if len(geometry.triangles):
-        used = np.zeros(len(geometry.points), bool)
-        used[geometry.triangles] = True
-        points = geometry.points[used].astype(np.float64)
-        return points.min(axis=0), points.max(axis=0)
-    boxes = light_boxes(lights)
-    if not boxes:
+    found = bounds(geometry, prototypes)
+    if found is not None:
+        return found
+    places = light_boxes(lights)
+    if not places:
         return np.zeros(3), np.zeros(3)
-    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    return np.min([low[0] for low, _ in places], axis=0), np.max([high[0] for _, high in places], axis=0)
 
 
 def light_boxes(lights: list[Light]) -> list[Bounds]:
-    """The bounds of every light that has a place."""
-    return [box for light in lights if (box := _box(light)) is not None]
+    """The bounds of every light that has a place, shape (1, 3) each."""
+    return [(box[0][None], box[1][None]) for light in lights if (box := _box(light)) is not None]
 
 
 def _box(light: Light) -> Bounds | None:

@@ -8,16 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom
 
-from warpmis.scene import Camera, Geometry
+from warpmis.geometry import Bounds, Geometry
+from warpmis.scene import Camera
 from warpmis.usd.reading import Reading
-
-Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def clipping_planes(
-    prim: Any, camera: Camera, geometry: Geometry, light_boxes: list[Bounds], reading: Reading
+    prim: Any,
+    camera: Camera,
+    geometry: Geometry,
+    solids: list[Bounds],
+    light_boxes: list[Bounds],
+    reading: Reading,
 ) -> NDArray[np.float64]:
-    """The planes as Camera.clipping_planes has them, shape (n, 4).
+    """The planes as Camera.clipping_planes has them, shape (n, 4); `solids` hold what is there beside the geometry.
 
     A clippingRange counts where it is authored: its fallback, from 1 on, would cut into any small scene. Its ends are
     left out where nothing in view lies beyond them, so that the kernel need not know of them.
@@ -25,10 +29,11 @@ def clipping_planes(
     schema = UsdGeom.Camera(prim)
     planes = []
     near, far = _range(schema, reading)
-    if near > 0.0 and _is_near(camera, near, geometry, light_boxes):
+    if near > 0.0 and _is_near(camera, near, geometry, [*solids, *light_boxes]):
         planes.append([*camera.forward, -near])
-    depths = (geometry.points - camera.position) @ camera.forward
-    if len(depths) and depths.max() > far:
+    depths = [(geometry.points - camera.position) @ camera.forward]
+    depths += [_in_view(camera, box)[1][:, 2] for box in solids]
+    if max(ends.max(initial=-np.inf) for ends in depths) > far:
         planes.append([*-camera.forward, far])
     for plane in reading.get(schema.GetClippingPlanesAttr(), ()):
         a, b, c, d = plane
@@ -52,15 +57,23 @@ def _range(schema: Any, reading: Reading) -> tuple[float, float]:
     return near, far
 
 
-def _is_near(camera: Camera, near: float, geometry: Geometry, light_boxes: list[Bounds]) -> bool:
-    """Whether a triangle's or light's box meets the box of what the camera sees before the near plane."""
-    axes = np.stack([camera.right_axis, camera.up_axis, camera.forward])
+def _is_near(camera: Camera, near: float, geometry: Geometry, boxes: list[Bounds]) -> bool:
+    """Whether a triangle's box, or one of `boxes`, meets the box of what the camera sees before the near plane."""
     left, right, bottom, top = np.array(camera.window) * (1.0 if camera.orthographic else near)
     low = np.array([min(left, 0.0), min(bottom, 0.0), 0.0]) - camera.lens_radius
     high = np.array([max(right, 0.0), max(top, 0.0), near]) + camera.lens_radius
-    corners = ((geometry.points - camera.position) @ axes.T)[geometry.triangles]
-    boxes = [(corners.min(axis=1), corners.max(axis=1))] if len(corners) else []
-    for smallest, largest in light_boxes:
-        center, reach = (smallest + largest) / 2 - camera.position, (largest - smallest) / 2
-        boxes.append(((axes @ center - np.abs(axes) @ reach)[None], (axes @ center + np.abs(axes) @ reach)[None]))
-    return any(((low <= largest) & (smallest <= high)).all(axis=1).any() for smallest, largest in boxes)
+    corners = ((geometry.points - camera.position) @ _axes(camera).T)[geometry.triangles]
+    views = [(corners.min(axis=1), corners.max(axis=1))] if len(corners) else []
+    views += [_in_view(camera, box) for box in boxes]
+    return any(((low <= largest) & (smallest <= high)).all(axis=1).any() for smallest, largest in views)
+
+
+def _axes(camera: Camera) -> NDArray[np.float64]:
+    return np.stack([camera.right_axis, camera.up_axis, camera.forward])
+
+
+def _in_view(camera: Camera, box: Bounds) -> Bounds:
+    """The boxes along the camera's axes that hold those along the world's, shape (k, 3) each."""
+    axes = _axes(camera)
+    center, reach = ((box[0] + box[1]) / 2 - camera.position) @ axes.T, (box[1] - box[0]) / 2 @ np.abs(axes).T
+    return center - reach, center + reach

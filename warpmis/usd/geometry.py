@@ -1,22 +1,19 @@
-"""Surfaces in their own space, and how their instances are put into one world-space Geometry."""
+"""Surfaces in their own space, and the Geometry that they make where matrices put them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.errors import StageError
-from warpmis.scene import Geometry, Prim
+from warpmis.geometry import Geometry, joined
 from warpmis.usd.reading import MAX_COORDINATE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Scene.Geometry indexes with int32.
-MAX_ROWS = 2**31 - 1
 # Instances are placed in batches of about this many triangles, which bounds the float64 scratch memory.
 BATCH_TRIANGLES = 1 << 20
 
@@ -77,69 +74,49 @@ class Shading:
     primvars: NDArray[np.float32]
 
 
-@dataclass(eq=False)
-class GeometryBuilder:
-    """Collects the placed surfaces of a stage; `build` joins them."""
+def placed(
+    surface: Surface, shading: Shading, matrices: FloatArray, prims: IntArray, copies: IntArray
+) -> tuple[Geometry, NDArray[np.bool_]]:
+    """A surface put where each matrix says.
 
-    prims: list[Prim] = field(default_factory=list)
-    rows: dict[str, int] = field(default_factory=lambda: {"points": 0, "triangles": 0, "normals": 0})
-    columns: dict[str, list[NDArray[Any]]] = field(
-        default_factory=lambda: {name: [] for name in Geometry.__dataclass_fields__}
-    )
+    Args:
+        matrices: local to world, USD's row-vector convention, shape (k, 4, 4), finite.
+        prims, copies: of each matrix the index into Scene.prims, and which of that prim's places it is, shape (k,).
 
-    def add(self, prim: Prim, surface: Surface, shading: Shading, matrices: FloatArray) -> int:
-        """Places a surface once for each matrix.
+    Returns:
+        the triangles, without those that have no area, and which of the places float32 can hold, shape (k,).
+    """
+    batch = max(1, BATCH_TRIANGLES // max(1, len(surface.triangles)))
+    starts = range(0, len(matrices), batch)
+    parts = []
+    for rows in (slice(start, start + batch) for start in starts):
+        parts.append(_placed_batch(surface, shading, matrices[rows], prims[rows], copies[rows]))
+    return joined([part for part, _ in parts]), np.concatenate([inside for _, inside in parts])
 
-        Args:
-            matrices: local to world, USD's row-vector convention, shape (k, 4, 4), finite.
 
-        Returns:
-            How many instances were left out because they lie beyond the range of float32.
-        """
-        left_out = 0
-        batch = max(1, BATCH_TRIANGLES // max(1, len(surface.triangles)))
-        self.prims.append(prim)
-        for start in range(0, len(matrices), batch):
-            left_out += self._add_batch(surface, shading, matrices[start : start + batch])
-        return left_out
-
-    def _add_batch(self, surface: Surface, shading: Shading, matrices: FloatArray) -> int:
-        points, inside = placed_points(surface.points, matrices)
-        matrices = matrices[inside]
-        count = len(matrices)
-        triangles, normals, normal_indices = _placed_topology(surface, matrices)
-        points = points.reshape(-1, 3)
-        cross = _double_vector_area(points, triangles)
-        normals, normal_indices = _facing_front(normals, normal_indices, cross)
-        keep = (cross != 0.0).any(axis=-1)
-        if not keep.all():
-            triangles, normal_indices = triangles[keep], normal_indices[keep]
-        shifted = np.where(normal_indices >= 0, normal_indices + self.rows["normals"], -1)
-        self._append("triangles", (triangles + self.rows["points"]).astype(np.int32))
-        self._append("normal_indices", shifted.astype(np.int32))
-        self._append("materials", np.tile(shading.materials, count)[keep].astype(np.int32))
-        self._append("primvars", _wound(shading.primvars, is_mirrored(matrices))[keep])
-        self._append("prims", np.full(len(triangles), len(self.prims) - 1, np.int32))
-        self._append("points", points)
-        self._append("normals", normals)
-        return int((~inside).sum())
-
-    def _append(self, name: str, rows: NDArray[Any]) -> None:
-        self.columns[name].append(rows)
-        if name in self.rows:
-            self.rows[name] += len(rows)
-            if self.rows[name] > MAX_ROWS:
-                raise StageError(f"more than {MAX_ROWS} {name} when its instances are flattened", self.prims[-1].path)
-
-    def build(self) -> Geometry:
-        """The joined arrays; shapes (0, 3) and (0,) for a stage without geometry."""
-        empty: dict[str, NDArray[Any]] = {name: np.empty((0, 3), np.float32) for name in ("points", "normals")}
-        empty |= {name: np.empty((0, 3), np.int32) for name in ("triangles", "normal_indices")}
-        empty |= {name: np.empty(0, np.int32) for name in ("materials", "prims")}
-        width = max((rows.shape[-1] for rows in self.columns["primvars"]), default=0)
-        padded = [np.pad(rows, ((0, 0), (0, 0), (0, width - rows.shape[-1]))) for rows in self.columns["primvars"]]
-        self.columns["primvars"], empty["primvars"] = padded, np.empty((0, 3, width), np.float32)
-        return Geometry(**{name: np.concatenate([empty[name], *rows]) for name, rows in self.columns.items()})
+def _placed_batch(
+    surface: Surface, shading: Shading, matrices: FloatArray, prims: IntArray, copies: IntArray
+) -> tuple[Geometry, NDArray[np.bool_]]:
+    points, inside = placed_points(surface.points, matrices)
+    matrices, count = matrices[inside], int(inside.sum())
+    triangles, normals, normal_indices = _placed_topology(surface, matrices)
+    points = points.reshape(-1, 3)
+    cross = _double_vector_area(points, triangles)
+    normals, normal_indices = _facing_front(normals, normal_indices, cross)
+    keep = (cross != 0.0).any(axis=-1)
+    if not keep.all():
+        triangles, normal_indices = triangles[keep], normal_indices[keep]
+    return Geometry(
+        points=points,
+        triangles=triangles.astype(np.int32),
+        normals=normals,
+        normal_indices=normal_indices.astype(np.int32),
+        materials=np.tile(shading.materials, count)[keep].astype(np.int32),
+        prims=np.repeat(prims[inside], len(surface.triangles))[keep].astype(np.int32),
+        primvars=_wound(shading.primvars, is_mirrored(matrices))[keep],
+        faces=np.tile(surface.faces, count)[keep].astype(np.int32),
+        copies=np.repeat(copies[inside], len(surface.triangles))[keep].astype(np.int32),
+    ), inside
 
 
 def placed_points(points: FloatArray, matrices: FloatArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

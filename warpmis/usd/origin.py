@@ -21,12 +21,16 @@ FAR = 64.0
 
 
 def scene_origin(boxes: list[Bounds]) -> FloatArray:
-    """The middle of boxes (smallest, largest corner) where it is far from the world's origin, else 0, shape (3,)."""
+    """The middle of boxes where it is far from the world's origin, else 0, shape (3,).
+
+    Args:
+        boxes: smallest and largest corner, of one box or of several, shape (3,) or (k, 3) each.
+    """
     finite = [box for box in boxes if np.isfinite(box).all()]
     if not finite:
         return np.zeros(3)
-    low = np.min([low for low, _ in finite], axis=0)
-    high = np.max([high for _, high in finite], axis=0)
+    low = np.vstack([low for low, _ in finite]).min(axis=0)
+    high = np.vstack([high for _, high in finite]).max(axis=0)
     middle = 0.5 * low + 0.5 * high
     return middle if np.abs(middle).max() > FAR * (high - low).max() else np.zeros(3)
 

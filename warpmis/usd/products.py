@@ -23,6 +23,9 @@ SOURCES = {
     "depth": {"z", "depth", "cameradepth"},
     "normal": {"n", "nn", "normal", "normals"},
     "albedo": {"albedo", "basecolor"},
+    "primId": {"primid"},
+    "instanceId": {"instanceid"},
+    "elementId": {"elementid"},
 }
 # The result's channels for each, by the last part of the file's name for them.
 CHANNELS = {
@@ -31,6 +34,9 @@ CHANNELS = {
     "depth": {"Z": "Z"},
     "normal": {"X": "N.X", "Y": "N.Y", "Z": "N.Z"},
     "albedo": {"R": "albedo.R", "G": "albedo.G", "B": "albedo.B"},
+    "primId": {"primId": "primId"},
+    "instanceId": {"instanceId": "instanceId"},
+    "elementId": {"elementId": "elementId"},
 }
 # A variable of one of these types brings the coverage along with the colour.
 WITH_ALPHA = {"color4f", "color4h", "color4d", "float4", "half4"}

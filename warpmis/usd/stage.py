@@ -16,7 +16,7 @@ from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import light_boxes, read_camera
 from warpmis.usd.curves import read_curves
-from warpmis.usd.geometry import GeometryBuilder, Shading, Surface
+from warpmis.usd.geometry import Shading, Surface
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.light_linking import linked_lights, linked_prims
@@ -25,6 +25,7 @@ from warpmis.usd.mesh import read_mesh
 from warpmis.usd.mesh_light import read_mesh_light
 from warpmis.usd.opening import open_stage
 from warpmis.usd.origin import Bounds, moved, placed_box, scene_origin
+from warpmis.usd.placing import GeometryBuilder
 from warpmis.usd.points import read_points
 from warpmis.usd.primitives import is_primitive, read_primitive
 from warpmis.usd.reading import (
@@ -114,18 +115,18 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     origin = scene_origin([*contents.boxes, *light_boxes(contents.lights)])
     if origin.any():
         contents = _read_contents(reading, settings, origin)
-    geometry = contents.geometry.build()
     materials = tuple(contents.materials.materials)
+    geometry, prototypes = contents.geometry.build(materials)
     name = Path(reading.stage.GetRootLayer().GetDisplayName()).name
-    if not len(geometry.triangles) and not contents.lights:
+    if not len(geometry.triangles) and not prototypes and not contents.lights:
         purposes = ", ".join(sorted(reading.purposes))
         raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}", name)
-    used = np.unique(geometry.materials)
-    emissive = any(max(materials[index].mean_emission) > 0.0 for index in used)
+    # What is traced through transforms does not emit.
+    emissive = any(max(materials[index].mean_emission) > 0.0 for index in np.unique(geometry.materials))
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.notes.append("the stage has no light: a dome of radiance 1 is used")
-    found, resolution = read_camera(reading, settings, camera, width, geometry, contents.lights, origin)
+    found, resolution = read_camera(reading, settings, camera, width, geometry, prototypes, contents.lights, origin)
     return Scene(
         name=name,
         camera=found,
@@ -133,6 +134,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
         geometry=geometry,
         materials=materials,
         prims=linked_prims(contents.geometry.prims, reading),
+        prototypes=prototypes,
         lights=linked_lights(contents.lights, contents.geometry.prims, reading),
         origin=origin,
         time=float(reading.time.GetValue()),
@@ -165,13 +167,13 @@ class StageContents:
     reading: Reading
     material_purposes: tuple[str, ...]
     origin: NDArray[np.float64]
-    geometry: GeometryBuilder = field(default_factory=GeometryBuilder)
     lights: list[Light] = field(default_factory=list)
     surfaces: dict[Any, Surface | None] = field(default_factory=dict)
     light_prims: int = 0
     boxes: list[Bounds] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self.geometry = GeometryBuilder(self.reading)
         self.materials = MaterialReader(self.reading, self.material_purposes)
 
     def add(self, placement: Placement) -> None:
@@ -196,7 +198,8 @@ class StageContents:
                 self._place(Prim(str(prim.GetPath()), double_sided, control), surface, shading, matrix[None])
             return
         shading = self.materials.of_surface(prim, surface)
-        self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices)
+        is_shared = bool(prim.IsInstanceProxy())
+        self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices, is_shared)
 
     def _surface(self, prim: Any) -> Surface | None:
         """The gprim's triangles; those of a native instance are read once for all instances."""
@@ -207,12 +210,11 @@ class StageContents:
             self.surfaces[source] = read_surface(prim, self.reading)
         return self.surfaces[source]
 
-    def _place(self, prim: Prim, surface: Surface, shading: Shading, matrices: NDArray[np.float64]) -> None:
+    def _place(
+        self, prim: Prim, surface: Surface, shading: Shading, matrices: NDArray[np.float64], is_shared: bool = False
+    ) -> None:
         self.boxes.append(placed_box(surface, matrices))
-        left_out = self.geometry.add(prim, surface, shading, matrices)
-        if left_out:
-            which = f"{left_out} of its instances are" if len(matrices) > 1 else "it is"
-            self.reading.warn(prim.path, f"{which} left out: the points lie too far from the origin")
+        self.geometry.add(prim, surface, shading, matrices, is_shared)
 
     def _add_light(self, placement: Placement) -> None:
         prim = placement.prim

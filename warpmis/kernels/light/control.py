@@ -7,7 +7,8 @@ import warp as wp
 from warpmis.device.views import ControlView, LightView, SceneView
 from warpmis.features import Features
 from warpmis.kernels.frame import luminance, to_local
-from warpmis.kernels.intersect import MAX_PASSED, closest_hit, make_intersect
+from warpmis.kernels.hit import Hit
+from warpmis.kernels.intersect import MAX_PASSED, make_intersect
 from warpmis.kernels.light.area import plane_hit
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import Receiver
@@ -89,11 +90,14 @@ def make_control(features: Features) -> SimpleNamespace:
     materials = make_material(features)
 
     @wp.func
-    def prim_of(scene: SceneView, triangle: int) -> int:
-        """Receiver.prim of a point on the triangle."""
+    def prim_of(scene: SceneView, hit: Hit) -> int:
+        """Receiver.prim of a point on a surface."""
         if scene.controls.shape[0] == 0:
             return 1
-        return scene.prims[triangle] + 1
+        if wp.static(features.instances):
+            if hit.instance >= 0:
+                return scene.instances[hit.instance].prim + 1
+        return scene.prims[hit.triangle] + 1
 
     @wp.func
     def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
@@ -146,10 +150,10 @@ def make_control(features: Features) -> SimpleNamespace:
         start = origin
         left = distance
         for _passed in range(MAX_PASSED):
-            hit = closest_hit(scene, start, wi)
+            hit = intersect.closest_hit(scene, start, wi)
             if hit.distance >= left:
                 return share
-            if control.shadowed_by[scene.prims[hit.triangle]] != 0:
+            if control.shadowed_by[prim_of(scene, hit) - 1] != 0:
                 if wp.static(features.opacity):
                     material = materials.at(scene, hit.triangle, hit.u, hit.v)
                     cos_theta = to_local(intersect.shading_frame(scene, hit, wi), -wi)[2]

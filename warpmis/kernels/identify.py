@@ -1,0 +1,53 @@
+"""Which prim is seen at a pixel: the ids of the first surface that a ray through the pixel's middle meets."""
+
+from dataclasses import replace
+from functools import cache
+from zlib import crc32
+
+import warp as wp
+
+from warpmis.device.views import CameraView, SceneView
+from warpmis.features import Features
+from warpmis.kernels import rng
+from warpmis.kernels.camera import make_camera
+from warpmis.kernels.intersect import MAX_PASSED, make_intersect
+from warpmis.kernels.material import make_material
+
+
+@cache
+def make_identify(features: Features) -> wp.Kernel:
+    """The kernel for one set of effects: (prim, place, face) of each pixel, -1 where it sees no surface."""
+    camera_ray = make_camera(replace(features, depth_of_field=False))
+    intersect = make_intersect(features)
+    materials = make_material(features)
+    signature = crc32(repr(features).encode()) >> 1  # as in trace.py
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def identify(scene: SceneView, camera: CameraView, first_pixel: int, ids: wp.array(dtype=wp.vec3i)):
+        if wp.static(signature) < 0:
+            return
+        pixel = first_pixel + wp.tid()
+        ids[pixel] = wp.vec3i(-1, -1, -1)
+        ray = camera_ray(camera, rng.RngKey(), pixel, 0.5, 0.5)
+        start = ray.origin
+        left = ray.reach
+        for _passed in range(MAX_PASSED):
+            hit = intersect.closest_hit(scene, start, ray.direction)
+            if hit.distance >= left:
+                return
+            seen = bool(True)
+            if wp.static(features.opacity):
+                seen = materials.at(scene, hit.triangle, hit.u, hit.v).opacity > 0.0
+            if seen:
+                prim = scene.prims[hit.triangle]
+                place = scene.copies[hit.triangle]
+                if wp.static(features.instances):
+                    if hit.instance >= 0:
+                        prim = scene.instances[hit.instance].prim
+                        place = scene.instances[hit.instance].copy
+                ids[pixel] = wp.vec3i(prim, place, scene.faces[hit.triangle])
+                return
+            left -= hit.distance
+            start = hit.p - hit.ng * hit.offset
+
+    return identify

@@ -1,0 +1,143 @@
+"""Rays through the transforms of instances: a tree over their boxes, and the mesh of the prototype in each.
+
+A ray is carried into a prototype's space without making its direction a unit vector again, so that distances along it
+stay those of the world.
+"""
+
+import warp as wp
+
+from warpmis.device.views import InstanceView, SceneView
+from warpmis.kernels.frame import max_abs, normal_of_edges
+from warpmis.kernels.hit import OFFSET, Hit, closest_hit, inner_point, inset_of
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class InstanceHit:
+    """The closest triangle of all instances: instance -1 where there is none. u and v weigh its first two corners."""
+
+    distance: float
+    instance: int
+    face: int
+    u: float
+    v: float
+
+
+@wp.func
+def without_zeros(direction: wp.vec3) -> wp.vec3:
+    """The direction for wp.bvh_query_ray, which divides by it: a 0 there would make 0 times infinity."""
+    d = direction
+    for axis in range(3):
+        if d[axis] == 0.0:
+            d[axis] = 1.0e-20
+    return d
+
+
+@wp.func
+def nearest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, reach: float) -> InstanceHit:
+    """The closest triangle nearer than `reach`."""
+    found = InstanceHit()
+    found.instance = -1
+    found.distance = reach
+    query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
+    index = int(0)
+    while wp.bvh_query_next(query, index, found.distance):
+        instance = scene.instances[index]
+        start = instance.inverse * (origin - instance.translation)
+        inside = wp.mesh_query_ray(instance.mesh, start, instance.inverse * wi, found.distance)
+        if inside.result:
+            found.distance = inside.t
+            found.instance = index
+            found.face = inside.face
+            found.u = inside.u
+            found.v = inside.v
+    return found
+
+
+@wp.func
+def is_occluded_by_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> bool:
+    if scene.instance_count == 0:
+        return False
+    query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
+    index = int(0)
+    while wp.bvh_query_next(query, index, distance):
+        instance = scene.instances[index]
+        start = instance.inverse * (origin - instance.translation)
+        if wp.mesh_query_ray_anyhit(instance.mesh, start, instance.inverse * wi, distance):
+            return True
+    return False
+
+
+@wp.func
+def normal_to_world(scene: SceneView, instance: int, n: wp.vec3) -> wp.vec3:
+    """A normal by the inverse transpose, not of unit length: it stays on the front also where the place mirrors."""
+    return wp.transpose(scene.instances[instance].inverse) * n
+
+
+@wp.func
+def abs_product(m: wp.mat33, v: wp.vec3) -> wp.vec3:
+    """|m| |v|, entry by entry: what float32 rounds in m v is in proportion to it."""
+    result = wp.vec3()
+    for row in range(3):
+        result[row] = wp.abs(m[row, 0] * v[0]) + wp.abs(m[row, 1] * v[1]) + wp.abs(m[row, 2] * v[2])
+    return result
+
+
+@wp.func
+def offset_of(instance: InstanceView, p: wp.vec3, n: wp.vec3, carried: wp.vec3, corner: float) -> float:
+    """How far from a surface of an instance, of which p and the normal n are in the prototype's space, a ray starts.
+
+    The rounding of the place in the world, as in closest_hit, and along the normal that of the way there and back; the
+    triangle's largest coordinate is `corner`.
+
+    Reference: Pharr, Jakob, Humphreys (2016), "Physically Based Rendering", section 3.9.5.
+    """
+    there = abs_product(instance.linear, p)
+    back = abs_product(instance.inverse, there) + wp.vec3(corner, corner, corner)
+    across = wp.abs(n[0]) * back[0] + wp.abs(n[1]) * back[1] + wp.abs(n[2]) * back[2]
+    # A triangle without a normal has none to carry, either.
+    grown = across / wp.max(wp.length(carried), 1.0e-30)
+    return OFFSET * (max_abs(there) + max_abs(instance.translation) + grown)
+
+
+@wp.func
+def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
+    """The surface that a ray has found, in world space."""
+    instance = scene.instances[found.instance]
+    hit = Hit()
+    hit.distance = found.distance
+    hit.instance = found.instance
+    hit.triangle = instance.first_triangle + found.face
+    hit.u = found.u
+    hit.v = found.v
+    corners = scene.indices[hit.triangle]
+    p0 = scene.points[corners[0]]
+    p1 = scene.points[corners[1]]
+    p2 = scene.points[corners[2]]
+    n = normal_of_edges(p1 - p0, p2 - p0)
+    carried = normal_to_world(scene, hit.instance, n)
+    corner = wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
+    p = inner_point(p0, p1, p2, hit.u, hit.v, 0.0)
+    hit.offset = offset_of(instance, p, n, carried, corner)
+    # The offset is the world's, and so are the edges that it is held against.
+    inset = inset_of(instance.linear * (p1 - p0), instance.linear * (p2 - p0), hit.offset)
+    hit.p = instance.linear * inner_point(p0, p1, p2, hit.u, hit.v, inset) + instance.translation
+    ng = wp.normalize(carried)
+    hit.outside = 1
+    if wp.dot(ng, wi) > 0.0:
+        ng = -ng
+        hit.outside = 0
+    hit.ng = ng
+    return hit
+
+
+@wp.func
+def closest_hit_of_all(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
+    """The closest surface, in world space or of an instance."""
+    hit = closest_hit(scene, origin, wi)
+    if scene.instance_count > 0:
+        found = nearest_instance(scene, origin, wi, hit.distance)
+        if found.instance >= 0:
+            return instance_surface(scene, found, wi)
+    return hit
