@@ -167,6 +167,16 @@ def test_bad_settings_are_usage_errors(
     assert not fake.options, "nothing was rendered"
 
 
+@pytest.mark.parametrize("option", ["--balance-map map.png", "--round-maps maps"])
+def test_map_of_too_many_strategies_is_refused_before_the_render(
+    fake: FakeRender, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    options = f"--method pooled --strategies bsdf,light,uniform,cosine {option}"
+    assert main(["render", "box.usda", "out.exr", *options.split()]) == 1
+    assert "one more strategy" in capsys.readouterr().err
+    assert fake.stage == ""
+
+
 def test_picture_as_out_is_a_usage_error(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "box.usda", "out.png"]) == 2
     assert "must end in .exr; use --png for a picture" in capsys.readouterr().err

@@ -18,6 +18,7 @@ from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import CEILING, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
+from warpmis.output.balance_map import primaries
 from warpmis.result import IDS, RenderResult
 
 if TYPE_CHECKING:
@@ -287,6 +288,8 @@ def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
+    if arguments.balance_map or arguments.round_maps:
+        primaries(config.strategies)  # said now, not after the render
     jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
     from warpmis.rendering import Uploads  # here, for it loads Warp

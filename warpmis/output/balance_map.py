@@ -43,7 +43,7 @@ def balance_map(allocation: NDArray[np.floating], strategies: Sequence[str]) -> 
     Returns:
         sRGB, shape (H, W, 3) uint8.
     """
-    lab = np.asarray(allocation, dtype=np.float64) @ _primaries(strategies)
+    lab = np.asarray(allocation, dtype=np.float64) @ primaries(strategies)
     return to_display((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T)
 
 
@@ -61,10 +61,18 @@ def with_legend(picture: NDArray[np.uint8], strategies: Sequence[str]) -> NDArra
     return np.concatenate([picture, np.zeros((1, width, 3), np.uint8), bar])
 
 
-def _primaries(strategies: Sequence[str]) -> NDArray[np.float64]:
+def primaries(strategies: Sequence[str]) -> NDArray[np.float64]:
+    """The strategies' colours in Oklab, shape (S, 3).
+
+    Raises:
+        WarpmisError: there is no colour for each.
+    """
     colors = [_COLOR.get(name, _THIRD_COLOR) for name in strategies]
     if len(set(colors)) < len(colors):
-        raise WarpmisError(f"a balance map shows bsdf, light and one more strategy, not {', '.join(strategies)}")
+        names = ", ".join(strategies)
+        raise WarpmisError(
+            f"a balance map shows bsdf, light and one more strategy, not {names}; ask for none, or fewer"
+        )
     return np.array(colors)
 
 
