@@ -9,12 +9,17 @@ import pytest
 import scenes
 
 import warpmis
+from warpmis.device.upload import upload
+from warpmis.integrator import Integrator
+from warpmis.learn.schedule import Round
+from warpmis.rendering import features_of
 
 FIXED = tuple(round(0.1 * tenth, 1) for tenth in range(1, 10))
 ROUNDS = 8
-# Samples per pixel of a learn round, and of the measurement of variance. Behind the door the variance is that of long
-# paths whoever draws the first direction: nearly equal for shares of the BSDF from 0.6 on, it takes more to compare.
-LEARN_SPP = {"cornell_box": 1024, "ajar_door": 256, "veach_plates": 1024, "open_terrace": 1024}
+# Samples per pixel of a learn round.
+LEARN_SPP = 1024
+# And of the measurement of variance. Behind the door the variance is that of long paths whoever draws the first
+# direction: nearly equal for shares of the BSDF from 0.6 on, it takes more to compare.
 SPP = {"cornell_box": 2048, "ajar_door": 6144, "veach_plates": 2048, "open_terrace": 2048}
 WIDTH = 32
 
@@ -46,11 +51,27 @@ def learned_map(scene: warpmis.Scene, spp: int, start: float) -> np.ndarray:
     ).allocation
 
 
+def answering(scene: warpmis.Scene, spp: int) -> np.ndarray:
+    """Pixels whose second moment answers to the share, shape (H, W).
+
+    On a surface turned away from the lamp both strategies are the BSDF's, and there is nothing to learn; on its edge
+    few samples are not, and many a round has none that tells anything. The curvature E[F^2 (q_1 - q_2)^2] at equal
+    shares is 4 E[F^2] at most, where no direction is drawn by both; here a quarter of that is asked for.
+    """
+    config = warpmis.RenderConfig(method="murray20", spp=2 * spp, learn=warpmis.LearnConfig(rounds=1, spp=spp))
+    width, height = scene.resolution
+    shares = np.full((width * height, 2), 0.5, dtype=np.float32)
+    run = Integrator(upload(scene, "cpu"), features_of(scene, config), config, shares)
+    run.trace(Round(0, spp, learn=True), lambda samples: None)
+    m_1, m_2, h_11, h_12, h_22 = run.learner.moments.numpy().T
+    return (h_11 - 2.0 * h_12 + h_22 > (m_1 + m_2) / 2.0).reshape(height, width)
+
+
 @pytest.mark.parametrize("name", SPP)
 def test_learned_map(name: str) -> None:
     """Variance at most 1.05 times that of the best fixed allocation, and the same map from 0.1, 0.5 and 0.9."""
     scene = load(name)
-    maps = {start: learned_map(scene, LEARN_SPP[name], start) for start in (0.1, 0.5, 0.9)}
+    maps = {start: learned_map(scene, LEARN_SPP, start) for start in (0.1, 0.5, 0.9)}
 
     def variance_of(allocation: np.ndarray | tuple[float, float]) -> warpmis.RenderResult:
         """By the same random numbers for all allocations, so that equal allocations have equal variance."""
@@ -61,21 +82,18 @@ def test_learned_map(name: str) -> None:
     best = min(relative_variance(result, mean) for result in fixed)
     ratios = {start: relative_variance(variance_of(allocation), mean) / best for start, allocation in maps.items()}
 
-    # Where no light was found, as in the sky, nothing was learned: such a pixel keeps the share that it began with. Nor
-    # is there anything to learn where the variance does not answer to the share, as on surfaces turned away from the
-    # lamp, on which both strategies are the BSDF's but for the few samples of a pixel that see past the edge.
+    # Where no light was found, as in the sky, nothing was learned: such a pixel keeps the share that it began with.
     reached = np.any([allocation[..., 0] != np.float32(start) for start, allocation in maps.items()], axis=0)
-    variances = np.array([result.variance for result in fixed])
-    reached &= variances.max(axis=0) > 1.1 * variances.min(axis=0)
+    reached &= answering(scene, LEARN_SPP)
     blocks = [block_means(allocation[..., 0], reached) for allocation in maps.values()]
     apart = max(np.abs(a - b).max() for a, b in combinations(blocks, 2))
     print(
         f"{name}: variance / best fixed {ratios}, blocks apart by {apart:.3f}, {reached.mean():.0%} of pixels reached"
     )
     assert max(ratios.values()) <= 1.05
-    assert reached.mean() > 0.5
+    # Behind the door half of the pixels see the lamp from behind, or not at all.
+    assert reached.mean() > (0.4 if name == "ajar_door" else 0.7)
     assert apart <= 0.05
-    assert reached.mean() > 0.7
 
 
 def block_means(share: np.ndarray, reached: np.ndarray, size: int = 8) -> np.ndarray:
