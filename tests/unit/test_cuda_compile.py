@@ -17,7 +17,7 @@ from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
-from warpmis.learn.pooling import make_pool, make_relative
+from warpmis.learn.pooling import make_pool, make_relative, make_row_sums
 from warpmis.methods import METHODS
 
 HOPPER = 90
@@ -34,11 +34,14 @@ KERNELS = {
     "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
     "candidates, pairs": lambda: make_candidates(AUTO, stratified=True),
     "relative": lambda: make_relative(AUTO),
+    "row sums": lambda: make_row_sums(AUTO),
     "pool": lambda: make_pool(AUTO),
 }
+# What "every effect, mixture" has as well, and takes as long.
+LONG = {"trace, every effect, next-event estimation"}
 
 
-@pytest.mark.parametrize("name", KERNELS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in KERNELS])
 def test_compiles_for_cuda(name: str, tmp_path: Path) -> None:
     kernel = KERNELS[name]()
     wp.compile_aot_module(kernel.module, arch=[HOPPER], module_dir=tmp_path, use_ptx=True)
