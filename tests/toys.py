@@ -121,11 +121,11 @@ def filled(layout: Layout, **parts: FloatArray | float) -> FloatArray:
     return vector
 
 
-def solve(kernel: wp.Kernel, layout: Layout, moments: FloatArray, allocation: Any, *arguments: Any) -> FloatArray:
-    """The allocations after one run of a solver, shape (pixels, S)."""
-    vec_s = wp.types.vector(length=layout.strategies, dtype=wp.float32)
+def solve(kernel: wp.Kernel, vec_k: type, moments: FloatArray, allocation: Any, *arguments: Any) -> FloatArray:
+    """The allocations after one run of a solver on moments of type vec_k, shape (pixels, S)."""
+    vec_s = wp.types.vector(length=np.shape(allocation)[1], dtype=wp.float32)
     shares = wp.array(np.array(allocation, dtype=np.float32), dtype=vec_s, device="cpu")
-    known = wp.array(np.ascontiguousarray(moments, dtype=np.float64), dtype=layout.vec, device="cpu")
+    known = wp.array(np.ascontiguousarray(moments, dtype=np.float64), dtype=vec_k, device="cpu")
     wp.launch(kernel, dim=len(shares), inputs=[0, known, shares, *arguments], device="cpu")
     return shares.numpy().astype(np.float64)
 

@@ -25,7 +25,7 @@ def step(samples: Samples, naive: bool) -> FloatArray:
     F, q, a = samples
     if not naive:
         layout = Layout(len(a))
-        return solve(make_newton_seed(layout), layout, sums(F[None] ** 2, q[None]), a[None], 0.1, 0.9)[0]
+        return solve(make_newton_seed(layout), layout.vec, sums(F[None] ** 2, q[None]), a[None], 0.1, 0.9)[0]
     F2 = F.astype(np.float32) ** 2
     r = (q[:, :-1] - q[:, -1:]).astype(np.float32)
     gradient = -(F2 @ r)

@@ -52,20 +52,21 @@ def samples(draw: st.DrawFn, count: int) -> tuple[FloatArray, FloatArray, FloatA
 
 
 def step(name: str, F2: FloatArray, q: FloatArray, a: FloatArray) -> FloatArray:
-    """The shares after one step of the named solver from the samples' sums."""
+    """The shares after one step of the named solver from the samples' sums, relative where pooling makes them so."""
+    if name == "newton_simplex" and F2.any():
+        F2 = F2 / F2.mean()
     moments = sums(F2[None], q[None])[0]
     count = len(a)
     if name == "newton_simplex":
-        known = filled(Layout(count, ("mean",)), moments=moments, mean=[np.sqrt(F2).sum(), F2.sum()])
-        return solve(
-            make_newton_simplex(Layout(count, ("mean",))), Layout(count, ("mean",)), known[None], a[None], LEAST
-        )[0]
+        layout = Layout(count, ("mean",))
+        known = filled(layout, moments=moments, mean=[np.sqrt(F2).sum(), F2.sum()])
+        return solve(make_newton_simplex(layout), layout.relative_vec, known[None], a[None], LEAST)[0]
     if name == "expectation":
         layout = Layout(count, ("posterior",))
         known = filled(layout, moments=moments, posterior=a * (np.sqrt(F2) @ q))
-        return solve(make_expectation(layout), layout, known[None], a[None], LEAST)[0]
+        return solve(make_expectation(layout), layout.vec, known[None], a[None], LEAST)[0]
     make = {"newton_seed": make_newton_seed, "newton_share": make_newton_share}[name]
-    return solve(make(Layout(count)), Layout(count), moments[None], a[None], LOW, HIGH)[0]
+    return solve(make(Layout(count)), Layout(count).vec, moments[None], a[None], LOW, HIGH)[0]
 
 
 def model(F2: FloatArray, q: FloatArray, a: FloatArray) -> float:

@@ -100,6 +100,11 @@ class Layout:
     def vec(self) -> type:
         return wp.types.vector(length=max(self.size, 1), dtype=wp.float64)
 
+    @property
+    def relative_vec(self) -> type:
+        """As `vec`, for moments relative to the brightness (learn/pooling.py), whose range float32 holds."""
+        return wp.types.vector(length=max(self.size, 1), dtype=wp.float32)
+
 
 @wp.func
 def squared(F: wp.vec3) -> wp.float64:

@@ -42,7 +42,7 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
 
     V and cost are the chosen candidate's. The first strategy is the BSDF if the samples come in pairs.
     """
-    vec_k = layout.vec
+    vec_r = layout.relative_vec
     vec_s = wp.types.vector(length=2, dtype=wp.float32)
     shares = tuple(CANDIDATES)
     number = len(shares)
@@ -51,51 +51,51 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
     pair = layout.offset("pair")
 
     @wp.func
-    def cost_of(known: vec_k, share: wp.float64) -> wp.float64:
+    def cost_of(known: vec_r, share: float) -> float:
         if wp.static(pair < 0):
-            return wp.float64(1.0)
+            return 1.0
         reached = known[wp.static(pair)]
         onwards = known[wp.static(pair + 1)] - reached
-        if reached > wp.float64(0.0):
+        if reached > 0.0:
             alive = known[wp.static(pair + 3)] / reached
-            by_lights = (wp.float64(1.0) - share) * alive * wp.float64(wp.static(LIGHT_COST))
+            by_lights = (1.0 - share) * alive * wp.static(LIGHT_COST)
             onwards = onwards * (share + by_lights)
         return reached + onwards + known[wp.static(pair + 2)]
 
     @wp.func
-    def variance_of(second: wp.float64, first_mean: wp.float64, mean: wp.float64, share: wp.float64) -> wp.float64:
+    def variance_of(second: float, first_mean: float, mean: float, share: float) -> float:
         """first_mean: mu_1; the other's follows, since the shares' means make up the whole."""
         if wp.static(not stratified):
             return second - mean * mean
         rest = mean - share * first_mean
-        return second - share * first_mean * first_mean - rest * rest / (wp.float64(1.0) - share)
+        return second - share * first_mean * first_mean - rest * rest / (1.0 - share)
 
     @wp.func
-    def unevenness(first_mean: wp.float64, mean: wp.float64, share: wp.float64) -> wp.float64:
+    def unevenness(first_mean: float, mean: float, share: float) -> float:
         """What stratified choices leave of the variance between the strategies' means mu_s."""
         if wp.static(not stratified):
-            return wp.float64(0.0)
-        apart = (first_mean - mean) / (wp.float64(1.0) - share)
-        return wp.float64(wp.static(UNEVEN)) * apart * apart
+            return 0.0
+        apart = (first_mean - mean) / (1.0 - share)
+        return wp.static(UNEVEN) * apart * apart
 
     @wp.kernel(module="unique", enable_backward=False)
     def best_candidate(
         first: int,
-        moments: wp.array(dtype=vec_k),
-        cost_weight: wp.float64,
+        moments: wp.array(dtype=vec_r),
+        cost_weight: float,
         allocation: wp.array(dtype=vec_s),
-        efficiency: wp.array(dtype=wp.vec2d),
+        efficiency: wp.array(dtype=wp.vec2),
     ):
         pixel = first + wp.tid()
         known = moments[pixel]
         # No light was found, or it is out of range: nothing is known, the allocation stays.
-        if not (known[wp.static(mean + 1)] > wp.float64(0.0)) or not wp.isfinite(known):
+        if not (known[wp.static(mean + 1)] > 0.0) or not wp.isfinite(known):
             return
-        best = wp.float64(wp.inf)
+        best = float(wp.inf)
         chosen = allocation[pixel]
-        of_chosen = wp.vec2d()
+        of_chosen = wp.vec2()
         for k in range(wp.static(number)):
-            share = wp.float64(wp.static(shares[k]))
+            share = wp.static(shares[k])
             second = known[wp.static(candidates + 2 * k)]
             of_first = known[wp.static(candidates + 2 * k + 1)]
             variance = variance_of(second, of_first, known[wp.static(mean)], share)
@@ -103,15 +103,15 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
             loss = variance + cost_weight * spent + unevenness(of_first, known[wp.static(mean)], share)
             if loss < best:
                 best = loss
-                chosen = vec_s(float(share), 1.0 - float(share))
-                of_chosen = wp.vec2d(variance, spent)
+                chosen = vec_s(share, 1.0 - share)
+                of_chosen = wp.vec2(variance, spent)
         if wp.static(pair >= 0):
             spent = known[wp.static(pair + 1)] + known[wp.static(pair + 2)]
-            spent += wp.float64(SHADOW_RAY_COST) * known[wp.static(pair + 3)]
+            spent += SHADOW_RAY_COST * known[wp.static(pair + 3)]
             variance = known[wp.static(mean + 1)] - known[wp.static(mean)] * known[wp.static(mean)]
             if variance + cost_weight * spent < best:
                 chosen = vec_s(0.0, 0.0)
-                of_chosen = wp.vec2d(variance, spent)
+                of_chosen = wp.vec2(variance, spent)
         allocation[pixel] = chosen
         efficiency[pixel] = of_chosen
 

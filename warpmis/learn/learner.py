@@ -51,7 +51,7 @@ class Learner:
         self.moments = wp.zeros(pixels if self.layout.size else 1, dtype=self.layout.vec, device=device)
         if method.solver == "candidates":
             self.solver = make_candidates(self.layout, stratified)
-            self.efficiency = wp.zeros(pixels, dtype=wp.vec2d, device=device)
+            self.efficiency = wp.zeros(pixels, dtype=wp.vec2, device=device)
         elif method.learns:
             self.solver = SOLVERS[method.solver](self.layout)
         self.neighbours = None

@@ -29,9 +29,9 @@ class Neighbours:
         self.relative, self.row_sums, self.pool_line = make_relative(layout), make_row_sums(layout), make_pool(layout)
         pixels = self.width * self.height
         self.guides = wp.zeros(pixels, dtype=Guide, device=device)
-        self.pooled, self.of_rows = (wp.zeros(pixels, dtype=layout.vec, device=device) for _ in range(2))
+        self.pooled, self.of_rows = (wp.zeros(pixels, dtype=layout.relative_vec, device=device) for _ in range(2))
         self.weights, self.row_weights = (wp.zeros(pixels, dtype=wp.float32, device=device) for _ in range(2))
-        self.sums = wp.zeros(self.height, dtype=layout.vec, device=device)
+        self.sums = wp.zeros(self.height, dtype=layout.relative_vec, device=device)
         self.counts = wp.zeros(self.height, dtype=wp.float32, device=device)
 
     @property
@@ -48,7 +48,7 @@ class Neighbours:
         launch(self.relative, [moments, film, *size, floor, *own, self.guides])
         prior = self._prior(film)
         line = [self.guides, *size, self.radius]
-        launch(self.pool_line, [*own, *line, 1, self.layout.vec(), 0.0, *rows])
+        launch(self.pool_line, [*own, *line, 1, self.layout.relative_vec(), 0.0, *rows])
         launch(self.pool_line, [*rows, *line, 0, *prior, *own])
 
     def _prior(self, film: FilmView) -> tuple[Any, float]:
@@ -57,11 +57,11 @@ class Neighbours:
         None where a pixel's own are wanted alone.
         """
         if self.radius == 0:
-            return self.layout.vec(), 0.0
+            return self.layout.relative_vec(), 0.0
         inputs = [self.pooled, self.weights, self.width, self.sums, self.counts]
         wp.launch(self.row_sums, dim=self.height, inputs=inputs, device=self.sums.device)
         lit = float(self.counts.numpy().sum())
         if lit == 0.0:
-            return self.layout.vec(), 0.0
+            return self.layout.relative_vec(), 0.0
         samples = max(int(film.accepted.numpy().max()), 1)
-        return self.layout.vec(*(self.sums.numpy().sum(axis=0) / lit)), PRIOR / samples
+        return self.layout.relative_vec(*(self.sums.numpy().sum(axis=0) / lit)), PRIOR / samples

@@ -72,6 +72,7 @@ def make_relative(layout: Layout) -> wp.Kernel:
     The weight is 1, or 0 where nothing was sampled.
     """
     vec_k = layout.vec
+    vec_r = layout.relative_vec
     mean = layout.offset("mean")
     size = layout.size
     powers = tuple(layout.power(entry) for entry in range(size))
@@ -85,7 +86,7 @@ def make_relative(layout: Layout) -> wp.Kernel:
         width: int,
         height: int,
         floor: wp.float64,
-        own: wp.array(dtype=vec_k),
+        own: wp.array(dtype=vec_r),
         weights: wp.array(dtype=float),
         guides: wp.array(dtype=Guide),
     ):
@@ -108,15 +109,17 @@ def make_relative(layout: Layout) -> wp.Kernel:
         if brightness > wp.float64(0.0) and wp.isfinite(brightness):
             scale = wp.float64(1.0) / brightness
         weights[pixel] = 0.0
-        part = vec_k()
+        part = vec_r()
         if film.accepted[pixel] > 0:
             weights[pixel] = 1.0
-            part = moments[pixel] / wp.float64(film.accepted[pixel])
+            of_one = wp.float64(1.0) / wp.float64(film.accepted[pixel])
             for k in range(wp.static(size)):
+                if wp.static(powers[k] == 0):
+                    part[k] = float(moments[pixel][k] * of_one)
                 if wp.static(powers[k] == 1):
-                    part[k] = part[k] * scale
+                    part[k] = float(moments[pixel][k] * of_one * scale)
                 if wp.static(powers[k] == 2):
-                    part[k] = part[k] * scale * scale
+                    part[k] = float(moments[pixel][k] * of_one * scale * scale)
         own[pixel] = part
         guides[pixel] = guide_of(film, pixel)
 
@@ -126,26 +129,26 @@ def make_relative(layout: Layout) -> wp.Kernel:
 @cache
 def make_row_sums(layout: Layout) -> wp.Kernel:
     """Kernel, a thread a row: (means, weights, width) -> sums over the pixels that found light, and their number."""
-    vec_k = layout.vec
+    vec_r = layout.relative_vec
     mean = layout.offset("mean")
     signature = crc32(repr(layout).encode()) >> 1
 
     @wp.kernel(module="unique", enable_backward=False)
     def row_sums(
-        means: wp.array(dtype=vec_k),
+        means: wp.array(dtype=vec_r),
         weights: wp.array(dtype=float),
         width: int,
-        sums: wp.array(dtype=vec_k),
+        sums: wp.array(dtype=vec_r),
         counts: wp.array(dtype=float),
     ):
         if wp.static(signature) < 0:
             return
         row = wp.tid()
-        total = vec_k()
+        total = vec_r()
         count = float(0.0)
         for x in range(width):
             own = means[row * width + x]
-            if weights[row * width + x] > 0.0 and own[wp.static(mean + 1)] > wp.float64(0.0) and wp.isfinite(own):
+            if weights[row * width + x] > 0.0 and own[wp.static(mean + 1)] > 0.0 and wp.isfinite(own):
                 total += own
                 count += 1.0
         sums[row] = total
@@ -158,22 +161,22 @@ def make_row_sums(layout: Layout) -> wp.Kernel:
 def make_pool(layout: Layout) -> wp.Kernel:
     """Kernel: (first, means, weights, guides, width, height, radius, along x or y, prior, its weight) -> means and
     weights of a line of pixels with the prior among them."""
-    vec_k = layout.vec
+    vec_r = layout.relative_vec
     signature = crc32(repr(layout).encode()) >> 1
 
     @wp.kernel(module="unique", enable_backward=False)
     def pool(
         first: int,
-        means: wp.array(dtype=vec_k),
+        means: wp.array(dtype=vec_r),
         weights: wp.array(dtype=float),
         guides: wp.array(dtype=Guide),
         width: int,
         height: int,
         radius: int,
         along_x: int,
-        prior: vec_k,
+        prior: vec_r,
         prior_weight: float,
-        pooled: wp.array(dtype=vec_k),
+        pooled: wp.array(dtype=vec_r),
         pooled_weights: wp.array(dtype=float),
     ):
         if wp.static(signature) < 0:
@@ -187,7 +190,7 @@ def make_pool(layout: Layout) -> wp.Kernel:
             at = pixel % width
             length = width
             stride = 1
-        total = vec_k()
+        total = vec_r()
         weight = float(0.0)
         for step in range(wp.max(-radius, -at), wp.min(radius, length - 1 - at) + 1):
             other = pixel + step * stride
@@ -196,9 +199,9 @@ def make_pool(layout: Layout) -> wp.Kernel:
                 w = w * alike(center, guides[other])
             if w > wp.static(LEAST_ALIKE):
                 weight += w
-                total += means[other] * wp.float64(w)
+                total += means[other] * w
         if weight > 0.0:
-            total = (total + prior * wp.float64(prior_weight)) / wp.float64(weight + prior_weight)
+            total = (total + prior * prior_weight) / (weight + prior_weight)
         pooled[pixel] = total
         pooled_weights[pixel] = weight
 

@@ -34,8 +34,8 @@ class Chosen:
 def choose(layout: Layout, moments: np.ndarray, *, stratified: bool = True, weight: float = 0.0) -> Chosen:
     vec_s = wp.types.vector(length=2, dtype=wp.float32)
     shares = wp.array(np.float32([[0.35, 0.65]]), dtype=vec_s, device="cpu")
-    known = wp.array(moments[None], dtype=layout.vec, device="cpu")
-    efficiency = wp.zeros(1, dtype=wp.vec2d, device="cpu")
+    known = wp.array(moments[None], dtype=layout.relative_vec, device="cpu")
+    efficiency = wp.zeros(1, dtype=wp.vec2, device="cpu")
     inputs = [0, known, weight, shares, efficiency]
     wp.launch(make_candidates(layout, stratified), dim=1, inputs=inputs, device="cpu")
     return Chosen(shares.numpy()[0].astype(np.float64), *efficiency.numpy()[0])
@@ -103,7 +103,7 @@ def test_predicted_variance_of_each_candidate(kept: int, stratified: bool) -> No
     shares = (SHARES[kept], 1.0 - SHARES[kept])
     assert chosen.shares == pytest.approx(shares, abs=1e-6)
     expected = toy.stratified_variance(shares) if stratified else toy.variance(shares)
-    assert chosen.variance == pytest.approx(expected, rel=1e-6)
+    assert chosen.variance == pytest.approx(expected, rel=1e-5)  # float32
     # Near the optimum the strategies' means agree, and there is nothing to gain from fixed numbers of each.
     assert abs(shares[0] - toy.best()) < 0.05 or toy.stratified_variance(shares) < 0.99 * toy.variance(shares)
     assert chosen.cost == 1.0
@@ -140,14 +140,14 @@ def test_predicted_variance_and_cost_from_pairs(stratified: bool) -> None:
         chosen = choose(PAIRS, moments, stratified=stratified)
         expected = toy.stratified_variance if stratified else toy.variance
         assert chosen.shares == pytest.approx([share, 1.0 - share], abs=1e-6)
-        assert chosen.variance == pytest.approx(expected((share, 1.0 - share)), rel=1e-6)
+        assert chosen.variance == pytest.approx(expected((share, 1.0 - share)), rel=1e-5)
         assert chosen.cost == pytest.approx(cost_of_mixture(share))
 
 
 def test_predicted_variance_and_cost_of_next_event_estimation() -> None:
     chosen = choose(PAIRS, only(known_of_pairs(), PAIRS, None))
     assert (chosen.shares == 0.0).all()
-    assert chosen.variance == pytest.approx(next_event_variance(), rel=1e-6)
+    assert chosen.variance == pytest.approx(next_event_variance(), rel=1e-5)
     assert chosen.cost == pytest.approx(COST_OF_PAIR)
 
 

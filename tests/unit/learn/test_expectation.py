@@ -16,7 +16,7 @@ POSTERIOR = ("posterior",)
 def step(posterior: np.ndarray, allocation: np.ndarray, least: float) -> np.ndarray:
     layout = Layout(posterior.shape[1], POSTERIOR)
     moments = np.array([filled(layout, posterior=one) for one in posterior])
-    return solve(make_expectation(layout), layout, moments, allocation, least)
+    return solve(make_expectation(layout), layout.vec, moments, allocation, least)
 
 
 def posterior_of(toy: Toy, a: np.ndarray) -> np.ndarray:

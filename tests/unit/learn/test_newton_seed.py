@@ -15,7 +15,7 @@ LOW, HIGH = 0.1, 0.9
 
 def step(moments: np.ndarray, allocation: np.ndarray, low: float = LOW, high: float = HIGH) -> np.ndarray:
     layout = Layout(np.shape(allocation)[1])
-    return solve(make_newton_seed(layout), layout, moments, allocation, low, high)
+    return solve(make_newton_seed(layout), layout.vec, moments, allocation, low, high)
 
 
 def clamped(shares: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ def test_equals_numpy_twin(count: int) -> None:
 def test_two_strategies_take_the_step_in_one_share(low: float, high: float) -> None:
     """newton_share with the same bounds, but for the ridge: 1e-6 of the step, at most 2."""
     F2, q, a = random_moments(2, pixels=300, seed=2)
-    of_share = solve(make_newton_share(Layout(2)), Layout(2), sums(F2, q), a, low, high)
+    of_share = solve(make_newton_share(Layout(2)), Layout(2).vec, sums(F2, q), a, low, high)
     assert np.abs(step(sums(F2, q), a, low, high) - of_share).max() < 3e-6
 
 

@@ -13,7 +13,7 @@ LAYOUT = Layout(2)
 
 
 def step(moments: np.ndarray, allocation: np.ndarray, low: float = 0.1, high: float = 0.9) -> np.ndarray:
-    return solve(make_newton_share(LAYOUT), LAYOUT, moments, allocation, low, high)
+    return solve(make_newton_share(LAYOUT), LAYOUT.vec, moments, allocation, low, high)
 
 
 def iterates(toy: Toy, share: float, steps: int, low: float = 0.1, high: float = 0.9) -> list[float]:

@@ -18,7 +18,7 @@ COSTLY = ("mean", "cost")
 
 def step(moments: np.ndarray, allocation: np.ndarray, least: float, statistics: tuple[str, ...] = PLAIN) -> np.ndarray:
     layout = Layout(np.shape(allocation)[1], statistics)
-    return solve(make_newton_simplex(layout), layout, moments, allocation, least)
+    return solve(make_newton_simplex(layout), layout.relative_vec, moments, allocation, least)
 
 
 def vectors(F2: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -28,17 +28,25 @@ def vectors(F2: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.array([filled(layout, moments=moments, mean=[1.0, second]) for moments, second in rows])
 
 
-def taylor(F2: np.ndarray, q: np.ndarray, a: np.ndarray) -> float:
+def model(F2: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """m, h and M2 of one pixel's samples, rounded as the solver reads them."""
+    count = q.shape[1]
+    known = vectors(F2[None], q[None])[0].astype(np.float32).astype(np.float64)
+    h = np.zeros((count, count))
+    h[np.triu_indices(count)] = known[count : count + count * (count + 1) // 2]
+    return known[:count], h + np.triu(h, 1).T, known[-1]
+
+
+def taylor(m: np.ndarray, h: np.ndarray, second: float, a: np.ndarray) -> float:
     """Second-order model of E[F^2 p_b / p_a] from samples of p_b: 1 / x about 1 at x = p_a / p_b."""
-    x = q @ a - 1.0
-    return float((F2 * (1.0 - x + x * x)).mean())
+    return float(3.0 * second - 3.0 * m @ a + a @ h @ a)
 
 
 def brute_force(F2: np.ndarray, q: np.ndarray, least: float, price: np.ndarray | float = 0.0) -> np.ndarray:
     """argmin of the model + price . a where a >= least and sum a = 1: the best feasible one of all choices of which
     shares are on the bound, each by the equations of Lagrange."""
     count = q.shape[1]
-    m, h = F2 @ q / len(F2), np.einsum("n,ns,nt->st", F2, q, q) / len(F2)
+    m, h, _ = model(F2, q)
     linear = 3.0 * m - price
     best, chosen = np.inf, np.full(count, np.nan)
     for free in map(list, chain.from_iterable(combinations(range(count), n) for n in range(1, count + 1))):
@@ -65,7 +73,8 @@ def test_finds_what_brute_force_over_active_sets_finds(count: int) -> None:
     assert np.abs(stepped.sum(axis=1) - 1.0).max() < 1e-6
     assert stepped.min() >= least - 1e-7
     expected = np.array([brute_force(*sample, least) for sample in zip(F2, q, strict=True)])
-    gaps = [taylor(F2[i], q[i], stepped[i]) / taylor(F2[i], q[i], expected[i]) - 1.0 for i in range(len(F2))]
+    models = [model(*sample) for sample in zip(F2, q, strict=True)]
+    gaps = [taylor(*models[i], stepped[i]) / taylor(*models[i], expected[i]) - 1.0 for i in range(len(F2))]
     assert np.max(gaps) < 1e-6
     assert np.abs(stepped - expected).max() < 1e-4
     # Both kinds of solution are among them.
@@ -76,7 +85,7 @@ def test_finds_what_brute_force_over_active_sets_finds(count: int) -> None:
 
 def test_inside_it_is_the_published_newton_step() -> None:
     F2, q, a = random_moments(3, pixels=200, seed=4)
-    newton = solve(make_newton_seed(Layout(3)), Layout(3), sums(F2, q), a, 0.0, 1.0)
+    newton = solve(make_newton_seed(Layout(3)), Layout(3).vec, sums(F2, q), a, 0.0, 1.0)
     inside = (newton > 0.06).all(axis=1)
     assert inside.sum() > 20
     assert np.abs(step(vectors(F2, q), a, 0.05) - newton)[inside].max() < 1e-4

@@ -120,7 +120,7 @@ def test_constant_picture_keeps_its_own() -> None:
     of_one[MEAN] = 3.0
     result = pooled(np.tile(SAMPLES * of_one, (PIXELS, 1)), film_of())
     expected = of_one / (3.0 * (1.0 + FLOOR)) ** np.array([LAYOUT.power(k) for k in range(LAYOUT.size)])
-    assert result == pytest.approx(np.tile(expected, (PIXELS, 1)), rel=1e-9)
+    assert result == pytest.approx(np.tile(expected, (PIXELS, 1)), rel=1e-6)
 
 
 LEFT = np.arange(PIXELS) % WIDTH < WIDTH // 2
