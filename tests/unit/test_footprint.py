@@ -20,16 +20,16 @@ from warpmis.texture import PrimvarLookup
 
 FILM = 132
 SUMS = 29 * 8
-# Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more with their weights, the guide to
-# the pixel's neighbours, and variance and cost.
+# Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more in float32 with their weights, the
+# guide to the pixel's neighbours, and variance and cost.
 PER_PIXEL = {
     "nee": FILM,
     "balance": FILM + 2 * 4 + 5 * 8,
     "murray20": 2 * FILM + 2 * 4 + 5 * 8,
-    "auto": 2 * FILM + 2 * 4 + 3 * SUMS + 2 * 4 + 32 + 16,
+    "auto": 2 * FILM + 2 * 4 + 2 * SUMS + 2 * 4 + 32 + 8,
 }
 # And of a row of pixels: its sum and count.
-PER_ROW = {"auto": SUMS + 4}
+PER_ROW = {"auto": SUMS // 2 + 4}
 
 
 def picture_bytes(method: str, pixels: int) -> int:
