@@ -22,6 +22,7 @@ from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.kernels.identify import make_identify
+from warpmis.kernels.rng import lattice_step
 from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
@@ -161,7 +162,7 @@ class Integrator:
         learn = LEARN_NOTHING
         if part.learn:
             learn = LEARN_DIRECT if self.config.how.direct_only else LEARN_ALL
-        inputs += [self.config.max_depth, stratified, self.allocation, learn]
+        inputs += [self.config.max_depth, stratified, lattice_step(part.samples), self.allocation, learn]
         inputs += [self.learn_film if part.learn else self.film, self.learner.moments]
         wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
         if self.is_cuda:
@@ -182,9 +183,9 @@ class Integrator:
         self._run(launch, self._stretches(GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
         return found.numpy().reshape(self.height, self.width, 3).copy()
 
-    def solve(self) -> None:
-        """One step of the method's solver, from the moments of the rounds so far."""
-        self.learner.step(self.allocation, self.learn_film, self._launch_solver)
+    def solve(self, samples: int) -> None:
+        """One step of the method's solver from the moments of the rounds so far, for a round of so many samples."""
+        self.learner.step(self.allocation, self.learn_film, samples, self._launch_solver)
 
     def _launch_solver(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
         def launch(job: tuple[int, int]) -> None:

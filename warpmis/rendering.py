@@ -206,7 +206,7 @@ def render_scene(
             if watch is not None and watch.stopped:
                 break
             if part.learn:
-                integrator.solve()
+                integrator.solve(rounds[number].samples if number < len(rounds) else 0)
                 if config.learn.keep_maps:
                     maps.append(integrator.allocation_map())
     except KeyboardInterrupt:

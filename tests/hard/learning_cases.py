@@ -184,9 +184,9 @@ LEARNING_CASES = [
     ),
     case(
         "thousand-rounds-of-one-sample",
-        "each step is taken from one sample, whose own optimum is a corner; golden-ratio numbers carried on would "
+        "each step is taken from one sample, whose own optimum is a corner; equidistant numbers carried on would "
         "tell of the shares: a bias",
-        "the step is clamped, and each round's numbers start anew (kernels/rng.py: golden_ratio)",
+        "the step is clamped, and each round's numbers start anew (kernels/rng.py: lattice)",
         lit_floor,
         radiance_below_lamp(),
         learns=False,

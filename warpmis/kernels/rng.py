@@ -4,6 +4,8 @@ Nothing is stored and nothing advances, so any pixel can be replayed and the ima
 batches or machines.
 """
 
+import math
+
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
@@ -15,8 +17,6 @@ SCATTER = wp.constant(2)
 LIGHT = wp.constant(3)
 DELTA_LIGHT = wp.constant(4)
 BLOCKS = wp.constant(4)
-# 2^32 over the golden ratio, rounded to odd.
-GOLDEN_STEP = wp.constant(wp.uint32(2654435769))
 # The block of the choice of strategy: one that no step of a path reaches.
 CHOICE = wp.constant(-1)
 # The block of the point on the camera's lens.
@@ -63,20 +63,30 @@ def uniform4(key: RngKey, block: int) -> wp.vec4:
     return wp.vec4(to_unit(x), to_unit(y), to_unit(z), to_unit(w))
 
 
+def lattice_step(count: int) -> int:
+    """From one of `count` points of the lattice to the next, in units of 2^-32: a fraction of `count` without a common
+    factor, so that none is met twice, as near to the golden ratio as can be, so that any of them in turn are evenly
+    spread too (Schroeder 1991, "Fractals, Chaos, Power Laws")."""
+    wanted = count * (math.sqrt(5.0) - 1.0) / 2.0
+    near = sorted((round(wanted) + step for step in range(-8, 9)), key=lambda place: abs(place - wanted))
+    places = next((place for place in near if 0 < place and math.gcd(place, count) == 1), 1)
+    return round(2**32 * places / count) % 2**32
+
+
 @wp.func
-def golden_ratio(key: RngKey, first_sample: int) -> float:
-    """One number a sample that fills [0, 1) evenly over a pixel's samples of one round, which begins with
-    `first_sample`, however many they are: a random start a round, then steps of the golden ratio, modulo 1.
+def lattice(key: RngKey, first_sample: int, step: wp.uint32) -> float:
+    """One number a sample: over a round of samples, which begins with `first_sample`, equidistant points from a random
+    start, `lattice_step` of the round apart from one sample to the next.
 
     A round that went on with the numbers of the last one would be biased: its shares are learned from samples whose
     strategies tell where the sequence stands.
 
-    Reference: Schroeder (1991), "Fractals, Chaos, Power Laws", on the sequence with the smallest discrepancy.
+    Reference: Sloan, Joe (1994), "Lattice Methods for Multiple Integration"; Cranley, Patterson (1976) for the start.
     """
     start = key
     start.sample = wp.uint32(first_sample)
     offset = wp.uint32(uniform4(start, CHOICE)[0] * 16777216.0) << wp.uint32(8)
-    return to_unit(offset + key.sample * GOLDEN_STEP)
+    return to_unit(offset + (key.sample - start.sample) * step)
 
 
 @wp.func

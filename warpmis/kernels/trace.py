@@ -83,6 +83,7 @@ def make_trace(features: Features) -> wp.Kernel:
         seed: wp.uint32,
         max_depth: int,
         stratified: int,
+        choice_step: wp.uint32,
         allocation: wp.array(dtype=vec_s),
         learn: int,
         film: FilmView,
@@ -114,7 +115,7 @@ def make_trace(features: Features) -> wp.Kernel:
             ray = camera_ray(camera, key, pixel, u[0], u[1])
             u_strategy = u[2]
             if stratified != 0:
-                u_strategy = rng.golden_ratio(key, round_start)
+                u_strategy = rng.lattice(key, round_start, choice_step)
             sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth, learn)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)

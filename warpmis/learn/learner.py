@@ -16,6 +16,7 @@ from warpmis.learn.neighbours import Launch, Neighbours
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
+from warpmis.learn.whole_samples import make_whole_samples, rounds_well
 from warpmis.methods import Method
 
 # The solver kernels by name, but for the one that also needs to know how strategies are chosen.
@@ -46,6 +47,8 @@ class Learner:
         self.method = method
         self.width, self.height = size
         self.count = len(strategies)
+        self.stratified = stratified
+        self.whole_samples = make_whole_samples(self.count)
         self.layout = Layout(self.count if self.count > 1 else 0, method.statistics)
         pixels = self.width * self.height
         self.moments = wp.zeros(pixels if self.layout.size else 1, dtype=self.layout.vec, device=device)
@@ -61,7 +64,7 @@ class Learner:
     @property
     def kernels(self) -> list[wp.Kernel]:
         """All that will be launched, so that they can be compiled beforehand."""
-        solver = [self.solver] if self.method.learns else []
+        solver = [self.solver, self.whole_samples] if self.method.learns else []
         return [*solver, *self.neighbours.kernels] if self.neighbours else solver
 
     @property
@@ -80,8 +83,13 @@ class Learner:
         if not (learn and self.method.keeps):
             self.moments.zero_()
 
-    def step(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
-        """Replace the allocation by the next one; `film` holds the samples of the moments."""
+    def step(self, allocation: wp.array, film: FilmView, samples: int, launch: Launch) -> None:
+        """Replace the allocation by the next one, for a round of so many samples; `film` holds those of the moments."""
+        self._solve(allocation, film, launch)
+        if self.stratified and rounds_well(samples, self.count):
+            launch(self.whole_samples, [allocation, samples, self.min_share])
+
+    def _solve(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
         if self.neighbours:
             self.neighbours.pool(self.moments, film, launch)
             if self.method.solver == "candidates":
