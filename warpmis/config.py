@@ -136,12 +136,12 @@ class RenderConfig:
         return min(self.spp, DEFAULT_SPP) if self.stops else self.spp
 
     def learn_rounds(self) -> int:
-        """Number of learn rounds: as set, or 1 for a budget below 64 samples and one more for each doubling."""
+        """Number of learn rounds: as set, or 1 for a budget below 256 samples and one more for each doubling."""
         if self.learn.rounds is not None:
             return self.learn.rounds
         if self.how.rounds is not None:
             return self.how.rounds
-        return min(max(self._learn_budget.bit_length() - 5, 1), self.how.max_rounds)
+        return min(max(self._learn_budget.bit_length() - 7, 1), self.how.max_rounds)
 
     def learn_spp(self) -> int:
         """Samples per pixel of one learn round: as set, or so that all rounds take the method's share of the budget."""

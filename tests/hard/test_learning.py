@@ -97,14 +97,15 @@ def test_without_light_nothing_is_learned(method: str) -> None:
 
 
 def test_equal_densities_keep_their_shares() -> None:
-    assert (rendered("equal-densities", "murray20").allocation == 0.5).all()
+    """To half a sample of the round, whose number is odd."""
+    assert np.abs(rendered("equal-densities", "murray20").allocation - 0.5).max() < 0.002
 
 
 @pytest.mark.parametrize("method", ["murray20", "auto"])
 def test_a_strategy_that_finds_no_light_gets_the_least_share(method: str) -> None:
-    """M2 = c / a: every pixel ends on the bound."""
+    """M2 = c / a: every pixel ends on the bound, to a sample of the last round."""
     allocation = rendered("light-density-0-where-light-is", method).allocation
-    assert allocation == pytest.approx(np.broadcast_to((0.9, 0.1), allocation.shape), abs=1e-5)
+    assert allocation == pytest.approx(np.broadcast_to((0.9, 0.1), allocation.shape), abs=0.003)
 
 
 @pytest.mark.parametrize("method", ["murray20", "pooled"])

@@ -42,7 +42,7 @@ def test_direct_light_alone_is_learned_from_before_murray(learned: dict[str, war
     """The lamps' light calls for light sampling, as far as each method goes, and the ceiling's for BSDF sampling."""
     share = {method: result.allocation[..., 0] for method, result in learned.items()}
     assert share["lpg13"] == pytest.approx(0.25, abs=1e-6)
-    assert share["sbert19"] == pytest.approx(0.1, abs=1e-6)
+    assert share["sbert19"] == pytest.approx(0.1, abs=1e-3)  # to a sample of the last round
     assert share["murray20"].min() > 0.8
     variance = {method: result.variance.sum() for method, result in learned.items()}
     assert variance["sbert19"] > 2.0 * variance["lpg13"] > 4.0 * variance["murray20"]
@@ -150,7 +150,8 @@ def test_round_allocations_are_those_of_shorter_learning(method: str) -> None:
     assert np.array_equal(maps[-1], result.allocation)
     for rounds in (1, 2):
         shorter = warpmis.render(scene, learn_rounds=rounds, **settings)
-        assert np.array_equal(maps[rounds - 1], shorter.allocation)
+        # To half a sample of the next round, which is not of the same length.
+        assert maps[rounds - 1] == pytest.approx(shorter.allocation, abs=0.5 / 16 + 0.5 / (64 - 16 * rounds) + 1e-6)
         assert not np.array_equal(maps[rounds - 1], maps[rounds])
         assert shorter.round_allocations == ()
 
@@ -194,7 +195,7 @@ def test_eight_strategies_learn(method: str, least: float, eight_equal: warpmis.
     assert result.allocation.max() > 0.3
     assert result.image.mean() == pytest.approx(eight_equal.image.mean(), rel=0.03)
     if method == "murray20":
-        assert result.allocation[..., :-1].sum(axis=-1).max() <= 0.9 + 1e-6
+        assert result.allocation[..., :-1].sum(axis=-1).max() <= 0.9 + 7 / 1024  # each to a sample of the last round
         return
     saved = 1.0 - np.median(result.variance) / np.median(eight_equal.variance)
     print(f"{method}: {saved:.1%} less variance in the median pixel, bound {result.stats['excess_variance_bound']:.2f}")

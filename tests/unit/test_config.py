@@ -118,7 +118,7 @@ def test_numpy_numbers_become_plain() -> None:
 @pytest.mark.parametrize(
     ("spp", "learn", "expected"),
     [
-        (256, LearnConfig(), 32),
+        (256, LearnConfig(), 64),
         (256, LearnConfig(rounds=8), 16),
         (100, LearnConfig(rounds=1), 50),
         (64, LearnConfig(spp=3), 3),
@@ -148,7 +148,7 @@ def test_budget_concerns_the_learning_method_alone() -> None:
         RenderConfig(spp=1, learn=LearnConfig(rounds=2))
 
 
-@pytest.mark.parametrize(("spp", "rounds"), [(1, 1), (4, 1), (63, 1), (64, 2), (256, 4), (4096, 8), (1 << 20, 8)])
+@pytest.mark.parametrize(("spp", "rounds"), [(1, 1), (4, 1), (255, 1), (256, 2), (1024, 4), (16384, 8), (1 << 20, 8)])
 def test_rounds_grow_with_the_budget_and_always_fit(spp: int, rounds: int) -> None:
     config = RenderConfig(spp=spp, method="murray20")
     assert config.learn_rounds() == rounds
@@ -220,7 +220,7 @@ def test_plain_values_are_json() -> None:
     assert (settings["strategy_choice"], settings["mis_compensation"]) == ("stratified", 1)
     learning = RenderConfig(method="murray20", learn=LearnConfig(initial_allocation=(0.5, 0.5))).to_dict()
     assert json.loads(json.dumps(learning)) == learning
-    assert learning["learn"] == {"rounds": 4, "spp": 32, "initial_allocation": [0.5, 0.5]}
+    assert learning["learn"] == {"rounds": 2, "spp": 64, "initial_allocation": [0.5, 0.5]}
 
 
 def test_plain_values_name_a_picture_by_its_shape() -> None:

@@ -18,6 +18,7 @@ from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
 from warpmis.learn.pooling import make_pool, make_relative, make_row_sums
+from warpmis.learn.whole_samples import make_whole_samples
 from warpmis.methods import METHODS
 
 HOPPER = 90
@@ -36,6 +37,7 @@ KERNELS = {
     "relative": lambda: make_relative(AUTO),
     "row sums": lambda: make_row_sums(AUTO),
     "pool": lambda: make_pool(AUTO),
+    "whole samples, eight strategies": lambda: make_whole_samples(8),
 }
 # What "every effect, mixture" has as well, and takes as long.
 LONG = {"trace, every effect, next-event estimation"}

@@ -20,8 +20,8 @@ from warpmis.texture import PrimvarLookup
 
 FILM = 132
 SUMS = 29 * 8
-# Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more in float32 with their weights, the
-# guide to the pixel's neighbours, and variance and cost.
+# Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more in float32 with their weights,
+# the guide to the pixel's neighbours, and variance and cost.
 PER_PIXEL = {
     "nee": FILM,
     "balance": FILM + 2 * 4 + 5 * 8,

@@ -30,8 +30,9 @@ from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 LIGHT_COST = 0.85
 
 
-# Of a round that ends before its time, stratified choices give a strategy its share of n samples but for a number whose
-# variance is about 0.5, so that of the squared distance between the strategies' means 0.5 / n is paid; here for n = 256.
+# Of a round that ends before its time, stratified choices give a strategy its share of n samples but for a number
+# whose variance is about 0.5, so that of the squared distance between the strategies' means 0.5 / n is paid; here for
+# n = 256.
 # It decides where one strategy alone has no variance: all shares would seem as good.
 UNEVEN = 0.5 / 256.0
 
