@@ -58,12 +58,6 @@ LIMITS = """## What is not so
   picture and the shares are right all the same, bit for bit (`tests/hard/test_learning.py`).
 - A light that one sample in ten thousand finds, beside one that every sample finds: no learner can know of it from a
   few hundred samples, and shares given to the other cost up to 0.5 / 0.1 of the variance. It is in the table.
-- Where one strategy alone has no variance at all (a small lamp in plain view, a sky all alike), what is left is how
-  evenly the strategies are chosen: the number of a strategy's samples is off by about one in 256, an error of 0.6 %.
-  `murray20` is off once a round, and then has up to 1.6 times the variance of `balance`, an error of 0.8 %; it falls as
-  1 / n. `auto` goes by next-event estimation there, which has no such error.
-- Under a clear coat over a mirror most paths take the mirror, and leave `murray20` two or three of a round's 32 samples
-  to step from: its shares are noise, and its variance 1.4 times that of `balance`, an error of 1.2 % instead of 1.0 %.
 - For three strategies and more `murray20` keeps 0.01 of each share before it scales their sum to at most 0.9, as
   published: a share may end a little below 0.01.
 """
