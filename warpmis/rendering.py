@@ -213,6 +213,8 @@ def render_scene(
         if reporter.done == 0:
             raise
         reporter.phase("done")
+        if watch is not None:
+            watch.reason = "interrupted"
         share = 100.0 * reporter.done / reporter.total
         scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
         raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None

@@ -226,6 +226,15 @@ def test_unexpected_error_is_one_line_unless_the_traceback_is_wanted(
     assert ("Traceback" in said) == wanted
 
 
+def test_the_output_may_stand_behind_options(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "box.usda", "--spp", "16", "other.exr"]) == 0
+    assert Path("other.exr").is_file()
+    for wrong in (["other.exr", "--spp", "16", "third.exr"], ["--sp", "16"]):
+        with pytest.raises(SystemExit):
+            main(["render", "box.usda", *wrong])
+        assert "unrecognized arguments" in capsys.readouterr().err
+
+
 def test_interrupt(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
     fake.error = KeyboardInterrupt()
     assert main(["render", "box.usda"]) == 130

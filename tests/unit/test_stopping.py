@@ -131,6 +131,7 @@ def test_what_the_error_does_not_know_is_said() -> None:
     assert any("up to 3 bounces" in note for note in notes)
     assert any("below 0.001 % is below" in note for note in notes)
     assert FakeRun(time_limit=5.0).run().watch.notes() == ()
+    assert "no number of samples would do" in FakeRun(target_error=1e-200, spp=64).run().watch.notes()[-1]
 
 
 # ---- honesty --------------------------------------------------------------------------------------------------------

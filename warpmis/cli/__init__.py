@@ -24,7 +24,7 @@ EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status; never raises but argparse's SystemExit."""
-    arguments = _parser().parse_args(argv)
+    arguments = _parsed(argv)
     try:
         arguments.run(arguments)
     except ConfigError as error:
@@ -39,6 +39,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         hint = "run with WARPMIS_TRACEBACK=1 for the traceback"
         return fail(f"internal error: {type(error).__name__}: {error} ({hint})", EXIT_ERROR)
     return EXIT_DONE
+
+
+def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = _parser()
+    arguments, rest = parser.parse_known_args(argv)
+    # argparse of Python 3.11 finds an optional OUT right behind STAGE alone.
+    if len(rest) == 1 and not rest[0].startswith("-") and getattr(arguments, "out", "") is None:
+        arguments.out = rest.pop()
+    if rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    return arguments
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -121,4 +121,4 @@ def _value(value: Any) -> str:
 
 
 def _numbers(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.4g}" for value in values)
+    return " ".join(f"{value + 0.0:.4g}" for value in values)  # -0.0 + 0.0 is 0.0
