@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from warpmis.progress import Progress
 
 
+# Stands for the path of a light or camera that the stage has not.
+SUPPLIED = "(supplied)"
+
+
 def say(line: str) -> None:
     print(f"warpmis: {' '.join(line.split())}", file=sys.stderr)  # one line, whatever a library put in its message
 
