@@ -144,12 +144,9 @@ def make_path(features: Features) -> SimpleNamespace:
         f_cos = scattering.f_cos
         if wp.static(features.light_response):
             f_cos = wp.cw_mul(f_cos, lights.control.response(scene, scene.light_count + chosen, scattering.diffuse))
-        if wp.static(features.shadow_links):
-            through = lights.control.transmittance(
-                scene, scene.light_count + chosen, r.x, wi_chosen, distance_chosen * SHADOW_END
-            )
-        else:
-            through = intersect.transmittance(scene, r.x, wi_chosen, distance_chosen * SHADOW_END)
+        through = intersect.transmittance(
+            scene, scene.light_count + chosen, r.x, wi_chosen, distance_chosen * SHADOW_END
+        )
         direct.radiance = wp.cw_mul(wp.cw_mul(f_cos, irradiance), through) * (total / importance)
         direct.rays = 1
         return direct
@@ -170,10 +167,7 @@ def make_path(features: Features) -> SimpleNamespace:
             if wp.static(features.light_response):
                 response = lights.control.response(scene, r.chosen, scattering.diffuse)
                 towards.radiance = wp.cw_mul(towards.radiance, response)
-        if wp.static(features.shadow_links):
-            through = lights.control.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
-        else:
-            through = intersect.transmittance(scene, r.x, towards.wi, towards.distance * SHADOW_END)
+        through = intersect.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
         weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
         direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
         direct.rays = 1
