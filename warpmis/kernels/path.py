@@ -174,6 +174,26 @@ def make_path(features: Features) -> SimpleNamespace:
         return direct
 
     @wp.func
+    def weight_of_mesh(
+        scene: SceneView, r: Receiver, index: int, ng: wp.vec3, wi: wp.vec3, distance: float, pdf_bsdf: float
+    ) -> float:
+        """MIS weight of a direction that the BSDF drew and that met a mesh light, against the lights' density."""
+        light = scene.lights[index]
+        of_light = pdf_mesh(light, ng, wi, distance) * lights.importance(scene, light, r)
+        return balance_weight(pdf_bsdf, lights.density(of_light, r.total))
+
+    @wp.func
+    def emitted_to(scene: SceneView, r: Receiver, index: int, emission: wp.vec3, wi: wp.vec3) -> wp.vec3:
+        """What of a mesh light's emission arrives at r, against wi."""
+        if wp.static(features.controlled):
+            factor = lights.control.factor(scene, index, r, wi)
+            if wp.static(features.light_response):
+                if r.prim > 0:
+                    factor = wp.cw_mul(factor, lights.control.response(scene, index, r.diffuse))
+            return wp.cw_mul(emission, factor)
+        return emission
+
+    @wp.func
     def Li(
         scene: SceneView,
         origin: wp.vec3,
@@ -246,22 +266,14 @@ def make_path(features: Features) -> SimpleNamespace:
                 if mixed == bounces:
                     path.direct += wp.cw_mul(beta, emission)
                 break
-            triangle = scene.triangles[hit.triangle]
             material = materials.at(scene, hit.triangle, hit.u, hit.v)
             if wp.static(features.mesh_light):
-                if triangle.light >= 0 and (hit.outside != 0 or material.double_sided != 0):
+                light = scene.triangles[hit.triangle].light
+                if light >= 0 and (hit.outside != 0 or material.double_sided != 0):
                     weight = float(1.0)
                     if arrival == WEIGHTED:
-                        light = scene.lights[triangle.light]
-                        of_light = pdf_mesh(light, hit.ng, wi, far) * lights.importance(scene, light, r)
-                        weight = balance_weight(pdf_bsdf, lights.density(of_light, r.total))
-                    if wp.static(features.controlled):
-                        factor = lights.control.factor(scene, triangle.light, r, wi)
-                        if wp.static(features.light_response):
-                            if r.prim > 0:
-                                factor = wp.cw_mul(factor, lights.control.response(scene, triangle.light, r.diffuse))
-                        material.emission = wp.cw_mul(material.emission, factor)
-                    emission += material.emission * weight
+                        weight = weight_of_mesh(scene, r, light, hit.ng, wi, far, pdf_bsdf)
+                    emission += emitted_to(scene, r, light, material.emission, wi) * weight
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:
                 path.direct += wp.cw_mul(beta, emission)
