@@ -79,6 +79,9 @@ def test_shut_or_unasked_shutters() -> None:
     assert any("/Camera" in line and "shutter:open" in line for line in backwards.warnings)
     with pytest.raises(ConfigError, match="4 times within the shutter"):
         render(OPEN, shutter_samples=4, spp=3)
+    for wrong in (0, 1.5):
+        with pytest.raises(ConfigError, match="shutter samples must be"):
+            render(OPEN, shutter_samples=wrong, spp=3)
 
 
 def test_an_interrupt_keeps_the_times_that_are_done() -> None:
