@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ import OpenImageIO as oiio
 import pytest
 
 import warpmis
-from warpmis.cli import main
+from warpmis.cli import console, main
 from warpmis.cli.console import progress_bar
 from warpmis.config import RenderConfig
 from warpmis.errors import StageError
@@ -239,6 +240,19 @@ def test_interrupt(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None
     fake.error = KeyboardInterrupt()
     assert main(["render", "box.usda"]) == 130
     assert capsys.readouterr().err == "warpmis: error: interrupted\n"
+
+
+def test_an_interrupt_waits_until_pxr_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = []
+
+    def slow_import(name: str) -> None:
+        signal.raise_signal(signal.SIGINT)
+        loaded.append(name)
+
+    monkeypatch.setattr(console, "import_module", slow_import)
+    assert main(["render", "box.usda"]) == 130
+    assert loaded == ["warpmis.usd"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_messages_and_summary(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import warpmis
 from warpmis.cli import compare, compile, inspect, render
-from warpmis.cli.console import fail
+from warpmis.cli.console import fail, load_pxr
 from warpmis.errors import ConfigError, WarpmisError
 
 EXIT_DONE = 0
@@ -26,6 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status; never raises but argparse's SystemExit."""
     arguments = _parsed(argv)
     try:
+        load_pxr()
         arguments.run(arguments)
     except ConfigError as error:
         return fail(str(error), EXIT_USAGE)
