@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from warpmis.errors import ConfigError, Interrupted, StageError, UnsupportedError, WarpmisError
+from warpmis.errors import ConfigError, Interrupted, StageError, WarpmisError
 
 if TYPE_CHECKING:
     from warpmis.config import LearnConfig, RenderConfig
@@ -29,7 +29,6 @@ __all__ = [
     "RenderResult",
     "Scene",
     "StageError",
-    "UnsupportedError",
     "WarpmisError",
     "__version__",
     "load_stage",

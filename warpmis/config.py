@@ -49,9 +49,9 @@ class LearnConfig:
 
     def __post_init__(self) -> None:
         if self.rounds is not None:
-            object.__setattr__(self, "rounds", _checked_integer("learn rounds", self.rounds, low=1))
+            object.__setattr__(self, "rounds", checked_integer("learn rounds", self.rounds, low=1))
         if self.spp is not None:
-            object.__setattr__(self, "spp", _checked_integer("learn samples per pixel a round", self.spp, low=1))
+            object.__setattr__(self, "spp", checked_integer("learn samples per pixel a round", self.spp, low=1))
         if self.initial_allocation is not None:
             shares = _checked_shares("initial allocation", self.initial_allocation)
             if shares.ndim != 1 or shares.min() <= 0.0:
@@ -179,21 +179,26 @@ class RenderConfig:
         }
 
     def _check_stopping(self) -> None:
-        if self.target_error is not None and not 0.0 < self.target_error <= 1.0:
-            raise ConfigError(f"target error must be above 0 and at most 1 (100 %), got {self.target_error:g}")
-        if self.time_limit is not None and not 0.0 < self.time_limit < math.inf:
-            raise ConfigError(f"time limit must be a positive number of seconds, got {self.time_limit:g}")
+        error, limit = self.target_error, self.time_limit
+        if error is not None:
+            if not (_is_number(error) and 0.0 < error <= 1.0):
+                raise ConfigError(f"target error must be above 0 and at most 1 (100 %), got {error}")
+            object.__setattr__(self, "target_error", float(error))
+        if limit is not None:
+            if not (_is_number(limit) and 0.0 < limit < math.inf):
+                raise ConfigError(f"time limit must be a positive number of seconds, got {limit}")
+            object.__setattr__(self, "time_limit", float(limit))
 
     def _check_numbers(self) -> None:
         checked = {
-            "spp": _checked_integer("samples per pixel (spp)", self.spp, low=1),
-            "max_depth": _checked_integer("max depth", self.max_depth, low=0),
-            "seed": _checked_integer("seed", self.seed, low=0, high=2**32 - 1),
+            "spp": checked_integer("samples per pixel (spp)", self.spp, low=1),
+            "max_depth": checked_integer("max depth", self.max_depth, low=0),
+            "seed": checked_integer("seed", self.seed, low=0, high=2**32 - 1),
         }
         if self.width is not None:
-            checked["width"] = _checked_integer("image width", self.width, low=1)
+            checked["width"] = checked_integer("image width", self.width, low=1)
         if self.threads is not None:
-            checked["threads"] = _checked_integer("threads", self.threads, low=1)
+            checked["threads"] = checked_integer("threads", self.threads, low=1)
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
@@ -245,7 +250,11 @@ class RenderConfig:
             )
 
 
-def _checked_integer(name: str, value: object, *, low: int, high: int | None = None) -> int:
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def checked_integer(name: str, value: object, *, low: int, high: int | None = None) -> int:
     """The value as Python's own int, so that NumPy's do not travel into headers and JSON."""
     wanted = f"at least {low}" if high is None else f"from {low} to {high}"
     if not isinstance(value, int | np.integer) or isinstance(value, bool):

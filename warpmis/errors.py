@@ -33,11 +33,3 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, result: Any) -> None:
         super().__init__("interrupted")
         self.result = result
-
-
-class UnsupportedError(StageError):
-    """A feature of the stage that warpmis cannot render at all (what it can leave out is a warning instead)."""
-
-    def __init__(self, feature: str, prim_path: str = "") -> None:
-        super().__init__(f"{feature} is not supported", prim_path)
-        self.feature = feature

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warpmis.device.environment import LUMINANCE, mean_over_sphere
 from warpmis.features import Features, detect, is_emissive
 from warpmis.geometry import bounds
-from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, RectLight, Scene, SphereLight
+from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, Prim, RectLight, Scene, SphereLight
 from warpmis.texture import Texture, TextureLookup
 
 # Light that leaves a surface: lumen where the scene's unit of length is the metre.
@@ -54,7 +54,7 @@ class MaterialReport:
 
 @dataclass(frozen=True)
 class Effect:
-    """A field of Features: whether it is compiled, and the first prim that called for it."""
+    """A field of Features: whether it is compiled, and the first prim that called for it, "" if it was supplied."""
 
     name: str
     on: bool
@@ -263,18 +263,18 @@ def _names(features: Features) -> set[str]:
 def parts(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """The scene in pieces, each with its prim: the camera alone, each light alone, the triangles of each prim alone,
     each prototype alone."""
-    nothing = _triangles(scene, np.zeros(0, np.int64))
-    yield scene.camera.path, replace(nothing, lights=())
+    nothing = _triangles(scene, np.zeros(0, np.int64), ())
+    yield scene.camera.path, nothing
     for light in scene.lights:
         yield light.path, replace(nothing, lights=(light,))
     order = np.argsort(scene.geometry.prims, kind="stable")
     prims, starts = np.unique(scene.geometry.prims[order], return_index=True)
     for prim, rows in zip(prims, np.split(order, starts[1:]), strict=False):
-        yield scene.prims[prim].path, replace(_triangles(scene, rows), lights=())
+        yield scene.prims[prim].path, _triangles(scene, rows, (scene.prims[prim],))
     for prototype in scene.prototypes:
-        yield scene.prims[prototype.prims[0]].path, replace(nothing, lights=(), prototypes=(prototype,))
+        yield scene.prims[prototype.prims[0]].path, replace(nothing, prototypes=(prototype,))
 
 
-def _triangles(scene: Scene, rows: NDArray[np.int64]) -> Scene:
-    """The scene with some of its triangles in world space alone."""
-    return replace(scene, geometry=scene.geometry.ordered(rows), prototypes=())
+def _triangles(scene: Scene, rows: NDArray[np.int64], prims: tuple[Prim, ...]) -> Scene:
+    """The camera, some of the triangles in world space, and what `prims` ask for, alone."""
+    return replace(scene, geometry=scene.geometry.ordered(rows), prims=prims, lights=(), prototypes=())

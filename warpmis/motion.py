@@ -46,7 +46,8 @@ def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
     counts = np.stack([result.samples for result in results]).astype(np.float64)
     total = counts.sum(axis=0)
     weights = np.where(total > 0.0, counts / np.maximum(total, 1.0), 1.0 / len(results))
-    hit = weights * np.stack([result.alpha for result in results])
+    # A light in view counts as covered, and where there is nothing else depth and normal are 0.
+    hit = weights * np.stack([result.alpha * (result.depth > 0.0) for result in results])
     hit_weights = hit / np.maximum(hit.sum(axis=0), 1e-12)
 
     def mean(name: str, shares: NDArray[np.float64] = weights) -> NDArray[np.float32]:
@@ -77,5 +78,9 @@ def _stats(results: list[RenderResult]) -> dict[str, object]:
     sums = {name: sum(stats[name] for stats in every) for name in summed}
     traced = seconds["learn"] + seconds["render"]
     speed = sums["rays"] / traced if traced > 0.0 else 0.0
-    last = {name: value for name, value in every[-1].items() if name != "stopping"}  # of one time alone
+    last = every[-1]
+    if "stopping" in last:  # the error of one time is not the picture's
+        watched = [stats["stopping"] for stats in every]
+        reason = next((told["reason"] for told in reversed(watched) if told["reason"] != "samples"), "samples")
+        last = {**last, "stopping": {"reason": reason, "spp": sum(told["spp"] for told in watched)}}
     return {**last, **sums, "seconds": seconds, "rays_per_second": speed}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.config import LearnConfig, RenderConfig
+from warpmis.config import LearnConfig, RenderConfig, checked_integer
 from warpmis.device.compilation import Compilation, load_kernels
 from warpmis.device.film import download_film
 from warpmis.device.upload import Uploads as Uploads  # for callers, too
@@ -72,6 +72,7 @@ def render(
     if config is not None and settings:
         raise TypeError(f"render() takes either a config or single settings, got both: {', '.join(sorted(settings))}")
     config = config or config_from(settings)
+    shutter_samples = checked_integer("shutter samples", shutter_samples, low=1)
     reporter = Reporter(progress)
     reporter.phase("load")
     if isinstance(stage, Scene):
@@ -213,6 +214,8 @@ def render_scene(
         if reporter.done == 0:
             raise
         reporter.phase("done")
+        if watch is not None:
+            watch.reason = "interrupted"
         share = 100.0 * reporter.done / reporter.total
         scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
         raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None

@@ -67,7 +67,8 @@ class Watch:
     Attributes:
         estimate: of the last look, None before there were LEAST samples.
         target_spp: samples per pixel at which the bound is expected to be at the target; infinite if nobody knows.
-        reason: why the render has ended: "target error", "time limit" or, where nothing cut it short, "samples".
+        reason: why the render has ended: "target error", "time limit", "interrupted" or, where nothing cut it short,
+            "samples".
     """
 
     def __init__(self, config: RenderConfig, resolution: tuple[int, int], seconds: Callable[[], float]) -> None:
@@ -163,6 +164,8 @@ class Watch:
         if self.estimate is None:
             return f"{self.spp} samples per pixel are too few to tell how far it is"
         error = f"{100.0 * self.estimate.relative_error:.2g} %"
+        if not math.isfinite(self.target_spp):
+            return f"it is {error}, and no number of samples would do"
         return f"it is {error}, and the target would take about {self.target_spp:.0f} samples per pixel"
 
     def _cost(self) -> float:
@@ -185,7 +188,8 @@ class Watch:
             self.estimate = estimate_of(self.parts, self.counts)
             if self.config.target_error is not None:
                 # relMSE falls as the number of samples grows.
-                self.target_spp = self.spp * (self.estimate.bound / self.config.target_error) ** 2
+                excess = self.estimate.bound / self.config.target_error
+                self.target_spp = self.spp * excess * excess  # infinite, where ** would raise an error
                 if self.target_spp <= self.spp:
                     self.reason = "target error"
                     return

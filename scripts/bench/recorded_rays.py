@@ -53,9 +53,9 @@ def recording_intersect(features: Features) -> SimpleNamespace:
         return closest_of(scene, origin, wi)
 
     @wp.func
-    def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+    def transmittance(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
         record(scene, origin, wi, distance)
-        return transmittance_of(scene, origin, wi, distance)
+        return transmittance_of(scene, light, origin, wi, distance)
 
     plain.closest_hit, plain.transmittance = closest_hit, transmittance
     return plain

@@ -79,6 +79,9 @@ def test_shut_or_unasked_shutters() -> None:
     assert any("/Camera" in line and "shutter:open" in line for line in backwards.warnings)
     with pytest.raises(ConfigError, match="4 times within the shutter"):
         render(OPEN, shutter_samples=4, spp=3)
+    for wrong in (0, 1.5):
+        with pytest.raises(ConfigError, match="shutter samples must be"):
+            render(OPEN, shutter_samples=wrong, spp=3)
 
 
 def test_an_interrupt_keeps_the_times_that_are_done() -> None:
@@ -92,3 +95,24 @@ def test_an_interrupt_keeps_the_times_that_are_done() -> None:
         render(OPEN, shutter_samples=2, spp=4, progress=progress)
     np.testing.assert_allclose(stop.value.result.image[:, 6], 5.5, rtol=1e-6)
     assert "1 of 2 times" in stop.value.result.notes[-1]
+
+
+def test_depth_is_that_of_surfaces_where_a_light_alone_is_seen_at_other_times() -> None:
+    """The strip, at the depth 3, covers a column half of the time, and a light behind it is in view all the time."""
+    stage = Usd.Stage.CreateInMemory()
+    light = """def SphereLight "Lamp" {
+    float inputs:radius = 1
+    double3 xformOp:translate = (-3.5, 0, -9)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+    assert stage.GetRootLayer().ImportFromString(STAGE % (100, OPEN) + light)
+    result = warpmis.render(stage, width=8, method="nee", max_depth=0, spp=32, shutter_samples=2)
+    assert ((result.alpha == 1.0) & (result.depth > 0.0)).any()
+    np.testing.assert_allclose(result.depth[result.depth > 0.0], 3.0, rtol=1e-5)
+
+
+def test_a_time_limit_tells_the_samples_of_all_times() -> None:
+    result = render(OPEN, shutter_samples=2, time_limit=1e-6)
+    assert result.stats["stopping"] == {"reason": "time limit", "spp": 2}
+    assert (result.samples == 2).all()

@@ -57,7 +57,7 @@ def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed:
         axis = wp.randi(state, 0, 3)
         d = wp.vec3(0.0, 0.0, 0.0)
         d[axis] = wp.where(along < 0.5, -1.0, 1.0)
-    if intersect.transmittance(scene, o, d, INFINITE_DISTANCE)[0] > 0.0:
+    if intersect.transmittance(scene, 0, o, d, INFINITE_DISTANCE)[0] > 0.0:
         wp.atomic_add(leaks, 1, 1)
     for bounce in range(BOUNCES):
         hit = intersect.closest_hit(scene, o, d)

@@ -5,24 +5,16 @@ Ten thousand: python scripts/fuzz_stages.py
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-SCRIPT = Path(__file__).parents[2] / "scripts" / "fuzz_stages.py"
+from programs import program
 
 
 @pytest.fixture(scope="module")
 def fuzz_stages() -> Any:
-    spec = importlib.util.spec_from_file_location("fuzz_stages", SCRIPT)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where dataclasses looks for it
-    spec.loader.exec_module(module)
-    return module
+    return program("fuzz_stages.py")
 
 
 def test_texts_follow_from_their_number_and_differ(fuzz_stages: Any) -> None:

@@ -4,15 +4,11 @@ hard cases.
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-SCRIPT = Path(__file__).parents[2] / "scripts" / "bench" / "hard_cases.py"
+from programs import program
 
 # Where one strategy alone would have no variance at all, what is left is how evenly the strategies are chosen: a count
 # of samples that is off by one in 256. Learning in several rounds is off once a round, and loses to balance, which is
@@ -28,12 +24,7 @@ KNOWN = {
 
 @pytest.fixture(scope="module")
 def bench() -> Any:
-    spec = importlib.util.spec_from_file_location("hard_cases", SCRIPT)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where dataclasses looks for it
-    spec.loader.exec_module(module)
-    return module
+    return program("bench/hard_cases.py")
 
 
 def wrong(bench: Any, ratio: float, tail: float, word: str, runs: int = 300) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ import OpenImageIO as oiio
 import pytest
 
 import warpmis
-from warpmis.cli import main
+from warpmis.cli import console, main
 from warpmis.cli.console import progress_bar
 from warpmis.config import RenderConfig
 from warpmis.errors import StageError
@@ -226,10 +227,32 @@ def test_unexpected_error_is_one_line_unless_the_traceback_is_wanted(
     assert ("Traceback" in said) == wanted
 
 
+def test_the_output_may_stand_behind_options(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "box.usda", "--spp", "16", "other.exr"]) == 0
+    assert Path("other.exr").is_file()
+    for wrong in (["other.exr", "--spp", "16", "third.exr"], ["--sp", "16"]):
+        with pytest.raises(SystemExit):
+            main(["render", "box.usda", *wrong])
+        assert "unrecognized arguments" in capsys.readouterr().err
+
+
 def test_interrupt(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
     fake.error = KeyboardInterrupt()
     assert main(["render", "box.usda"]) == 130
     assert capsys.readouterr().err == "warpmis: error: interrupted\n"
+
+
+def test_an_interrupt_waits_until_pxr_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = []
+
+    def slow_import(name: str) -> None:
+        signal.raise_signal(signal.SIGINT)
+        loaded.append(name)
+
+    monkeypatch.setattr(console, "import_module", slow_import)
+    assert main(["render", "box.usda"]) == 130
+    assert loaded == ["warpmis.usd"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_messages_and_summary(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:

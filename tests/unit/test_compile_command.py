@@ -104,6 +104,17 @@ def test_ids_take_one_kernel_more(compiled: Path) -> None:
     assert (stats["kernels_compiled"], stats["kernels_cached"]) == (0, 4)
 
 
+def test_the_method_fixed_needs_no_shares_to_be_compiled(compiled: Path) -> None:
+    kernels = {
+        method: json.loads(
+            run(compiled, "compile", *f"stage.usda --camera Here --json --method {method}".split()).stdout
+        )
+        for method in ("balance", "fixed")
+    }
+    assert kernels["balance"]["compiled"] <= 1
+    assert (kernels["fixed"]["compiled"], kernels["fixed"]["cached"]) == (0, 1)
+
+
 def test_a_device_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "stage.usda").write_text(STAGE)
     assert main(["compile", str(tmp_path / "stage.usda"), "--camera", "Here", "--device", "cuda:7"]) == 2

@@ -38,7 +38,7 @@ FUNCTIONS = {
     "light_pictures": ("picture_factor",),
     "light_response": ("make_control__locals__response",),
     "light_links": ("make_control__locals__factor",),
-    "shadow_links": ("make_control__locals__transmittance",),
+    "shadow_links": ("make_intersect__locals__has_own_shadows",),
     "clearcoat": ("make_surface__locals__coat_transmittance",),
     "smooth": ("make_events__locals__choose",),
     "instances": ("closest_hit_of_all", "instance_surface", "normal_to_world"),

@@ -12,8 +12,10 @@ import pytest
 from scenes import METAL, USD_SCENES, WHITE, box_faces, camera, quads, room, scene
 
 from warpmis.cli import main
+from warpmis.cli.explain import lines
 from warpmis.features import Features, detect
 from warpmis.inspection import inspect_scene
+from warpmis.light_control import LightControl
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, Prim, RectLight, SphereLight
 
 ORIGIN = np.zeros(3)
@@ -92,6 +94,22 @@ def test_what_is_on_is_what_is_compiled():
     assert {effect.name: effect.on for effect in found.effects} == {
         k: v for k, v in features.items() if v in (True, False)
     }
+
+
+def test_what_a_light_made_of_geometry_asks_for_is_called_for_by_its_prim():
+    base = scene(quads([(box_faces((0, 0, 0), (2, 2, 2), False)[4], 0)]), [GLOW], [], camera((0, 0, 9), (0, 0, 0)))
+    glowing = dataclasses.replace(base, prims=(Prim("/lamp", control=LightControl(tint=TWO)),))
+    callers = {effect.name: effect.prim for effect in inspect_scene(glowing).effects}
+    assert callers["light_tints"] == "/lamp"
+
+
+def test_a_supplied_light_is_told_from_what_nothing_calls_for():
+    dome = DomeLight("", np.eye(3), np.ones(3))
+    found = inspect_scene(scene(quads([]), [], [dome], camera((0, 0, 5), (0, 0, 0))))
+    callers = {effect.name: effect.prim for effect in found.effects}
+    stats = {"features": ["dome_constant"], "kernels_compiled": 0, "kernels_cached": 0, "compile_seconds": 0.0}
+    stats |= {"seconds": {}, "rays": 0, "samples": 0, "rays_per_second": 0.0, "bytes": {"scene": {}, "picture": 0}}
+    assert next(lines(stats, callers)) == "effect dome_constant: (supplied)"
 
 
 def test_warnings_are_split_at_the_prim():

@@ -131,6 +131,7 @@ def test_what_the_error_does_not_know_is_said() -> None:
     assert any("up to 3 bounces" in note for note in notes)
     assert any("below 0.001 % is below" in note for note in notes)
     assert FakeRun(time_limit=5.0).run().watch.notes() == ()
+    assert "no number of samples would do" in FakeRun(target_error=1e-200, spp=64).run().watch.notes()[-1]
 
 
 # ---- honesty --------------------------------------------------------------------------------------------------------
@@ -158,15 +159,17 @@ def test_the_ceiling_is_sane_and_learning_is_a_plain_render_s() -> None:
         assert config.spp == CEILING
         assert config.learn_spp() == RenderConfig().learn_spp()
         assert RenderConfig(**stop, spp=100).spp == 100
+    config = RenderConfig(target_error=np.float32(0.5), time_limit=np.int64(60))
+    assert [type(config.to_dict()[name]) for name in ("target_error", "time_limit")] == [float, float]
 
 
-@pytest.mark.parametrize("value", [0.0, -0.1, 1.5, float("nan")])
-def test_impossible_targets(value: float) -> None:
+@pytest.mark.parametrize("value", [0.0, -0.1, 1.5, float("nan"), "1%", True])
+def test_impossible_targets(value: Any) -> None:
     with pytest.raises(ConfigError, match="target error must be above 0 and at most 1"):
         RenderConfig(target_error=value)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
-def test_impossible_time_limits(value: float) -> None:
+@pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan"), "60"])
+def test_impossible_time_limits(value: Any) -> None:
     with pytest.raises(ConfigError, match="time limit must be a positive number of seconds"):
         RenderConfig(time_limit=value)

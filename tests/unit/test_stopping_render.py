@@ -64,6 +64,16 @@ def test_the_result_tells_its_error_and_progress_how_long_it_takes() -> None:
     assert watched and all(report.total <= result.stats["samples"] * 4 for report in watched)
 
 
+def test_an_interrupt_is_the_reason() -> None:
+    def progress(report: Progress) -> None:
+        if report.done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(warpmis.Interrupted) as stop:
+        render(time_limit=300.0, threads=1, progress=progress)
+    assert stop.value.result.stats["stopping"]["reason"] == "interrupted"
+
+
 def test_a_target_is_for_one_time_within_the_shutter() -> None:
     with pytest.raises(ConfigError, match="drop the shutter samples"):
         warpmis.render("any.usda", target_error=0.1, shutter_samples=2)

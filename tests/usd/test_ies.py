@@ -79,6 +79,7 @@ GOOD = profile([0, 90], [0], [3, 4])
         (GOOD.replace("3 4", "3 nan"), "finite"),
         (GOOD.replace("3 4", "3 four"), "number"),
         (GOOD.replace("3 4", "3 -4"), "negative"),
+        (GOOD.replace("3 4", "3 1e17").replace("1 1000 2", "1 1000 1e17"), "above 1e"),
         (profile([90, 0], [0], [3, 4]), "grow"),
         (profile([0, 200], [0], [3, 4]), "180"),
         (profile([0, 90], [0, 120], [3, 4, 3, 4]), "0 to 120"),

@@ -39,7 +39,9 @@ def test_what_several_domes_ask_for_is_one_warning() -> None:
     assert mentions(scene, "/L", "several domes")
 
 
-@pytest.mark.parametrize(("value", "used", "word"), [("-2", 0.0, "negative"), ("nan", 1.0, "not finite")])
+@pytest.mark.parametrize(
+    ("value", "used", "word"), [("-2", 0.0, "negative"), ("nan", 1.0, "not finite"), ("1e38", 1.0, "beyond 1e+18")]
+)
 def test_impossible_multipliers(value: str, used: float, word: str) -> None:
     scene = load(light("RectLight", f"float inputs:diffuse = {value}"))
     assert scene.lights[0].control.diffuse == used

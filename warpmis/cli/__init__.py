@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import warpmis
 from warpmis.cli import compare, compile, inspect, render
-from warpmis.cli.console import fail
+from warpmis.cli.console import fail, load_pxr
 from warpmis.errors import ConfigError, WarpmisError
 
 EXIT_DONE = 0
@@ -24,8 +24,9 @@ EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status; never raises but argparse's SystemExit."""
-    arguments = _parser().parse_args(argv)
+    arguments = _parsed(argv)
     try:
+        load_pxr()
         arguments.run(arguments)
     except ConfigError as error:
         return fail(str(error), EXIT_USAGE)
@@ -39,6 +40,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         hint = "run with WARPMIS_TRACEBACK=1 for the traceback"
         return fail(f"internal error: {type(error).__name__}: {error} ({hint})", EXIT_ERROR)
     return EXIT_DONE
+
+
+def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = _parser()
+    arguments, rest = parser.parse_known_args(argv)
+    # argparse of Python 3.11 finds an optional OUT right behind STAGE alone.
+    if len(rest) == 1 and not rest[0].startswith("-") and getattr(arguments, "out", "") is None:
+        arguments.out = rest.pop()
+    if rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    return arguments
 
 
 def _parser() -> argparse.ArgumentParser:

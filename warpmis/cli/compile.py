@@ -16,7 +16,7 @@ from warpmis.cli.render import (
     methods_epilog,
     stage_options,
 )
-from warpmis.config import RenderConfig
+from warpmis.config import DEFAULT_STRATEGIES, RenderConfig
 
 DESCRIPTION = """Compile the kernels that `render` would launch with the same options, and render nothing: for images
 that a build machine makes, and for the first render of a session. They lie in Warp's cache (WARP_CACHE_PATH). Kernels
@@ -43,7 +43,11 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    config = RenderConfig(**kernel_options(arguments))
+    options = kernel_options(arguments)
+    if options.get("method") == "fixed":  # whatever the shares will be
+        count = len(options.get("strategies", DEFAULT_STRATEGIES))
+        options["allocation"] = (1.0 / max(count, 1),) * count
+    config = RenderConfig(**options)
     start_warp()
     from warpmis.rendering import compile_scene
 

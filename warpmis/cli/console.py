@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from warpmis.progress import Progress
+
+
+# Stands for the path of a light or camera that the stage has not.
+SUPPLIED = "(supplied)"
 
 
 def say(line: str) -> None:
@@ -21,6 +28,21 @@ def say(line: str) -> None:
 def fail(message: str, status: int) -> int:
     say(f"error: {message}")
     return status
+
+
+def load_pxr() -> None:
+    """Import what reads stages. Ctrl-C waits for it: pxr would swallow it, and be of no use afterwards."""
+    if threading.current_thread() is not threading.main_thread():
+        import_module("warpmis.usd")
+        return
+    pressed: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _frame: pressed.append(number))
+    try:
+        import_module("warpmis.usd")
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    if pressed and callable(handler):
+        handler(signal.SIGINT, None)
 
 
 def start_warp() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.cli.console import byte_text, say
+from warpmis.cli.console import SUPPLIED, byte_text, say
 
 if TYPE_CHECKING:
     from warpmis.result import RenderResult
@@ -25,8 +25,9 @@ def explain(result: RenderResult, stage: str, options: Mapping[str, Any]) -> Non
 def lines(stats: Mapping[str, Any], callers: Mapping[str, str | None]) -> Iterator[str]:
     """The effects that were compiled, each with the prim that called for it, those left out, kernels, time, memory."""
     on = stats["features"]
-    yield from (f"effect {name}: {callers[name]}" for name in on if callers[name])
-    forced = [name for name in on if not callers[name]]
+    called = [name for name in on if callers[name] is not None]
+    yield from (f"effect {name}: {callers[name] or SUPPLIED}" for name in called)
+    forced = [name for name in on if name not in called]
     if forced:
         yield f"compiled though nothing calls for it: {', '.join(forced)}"
     yield f"left out: {', '.join(name for name in callers if name not in on) or 'nothing'}"

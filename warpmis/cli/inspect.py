@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
-from warpmis.cli.console import byte_text, plain
+from warpmis.cli.console import SUPPLIED, byte_text, plain
 from warpmis.cli.render import add_stage_options, stage_options
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from warpmis.inspection import Inspection, LightReport
+    from warpmis.inspection import Effect, Inspection, LightReport
 
 DESCRIPTION = """Read a stage as `render` would, and tell what is in it: counts, bounds, camera, lights with what they
 emit, materials, memory, the effects that its kernel is compiled for with the prim that called for each, and everything
@@ -61,14 +61,14 @@ def _print(inspection: Inspection) -> None:
         console.print(f"bounds [scene units]  {_numbers(inspection.bounds[0])} to {_numbers(inspection.bounds[1])}")
     console.print("memory  " + ", ".join(f"{name} {byte_text(size)}" for name, size in inspection.memory.items()))
     console.print("counts  " + ", ".join(f"{name} {count}" for name, count in inspection.counts.items()))
-    lights = [(light.kind, light.path, _emitted(light), _power(light)) for light in inspection.lights]
+    lights = [(light.kind, light.path or SUPPLIED, _emitted(light), _power(light)) for light in inspection.lights]
     _table(console, ("light", "prim", "emits (red green blue)", f"power [{POWER_UNIT}]"), lights)
     materials = [
         (one.path or "(displayColor)", str(one.triangles), _inputs(one.inputs, one.lambertian))
         for one in inspection.materials
     ]
     _table(console, ("material", "triangles", "inputs"), materials)
-    effects = [(one.name, "on" if one.on else "off", one.prim or "") for one in inspection.effects]
+    effects = [(one.name, "on" if one.on else "off", _caller(one)) for one in inspection.effects]
     _table(console, ("effect", "", "called for by"), effects)
     _table(console, ("not honoured", "what"), inspection.not_honoured)
     for note in inspection.notes:
@@ -89,6 +89,10 @@ def _table(console: Console, headings: Sequence[str], rows: Sequence[Sequence[st
         table.add_row(*map(Text, row))
     console.print()
     console.print(table)
+
+
+def _caller(effect: Effect) -> str:
+    return "" if effect.prim is None else effect.prim or SUPPLIED
 
 
 def _emitted(light: LightReport) -> str:
@@ -121,4 +125,4 @@ def _value(value: Any) -> str:
 
 
 def _numbers(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.4g}" for value in values)
+    return " ".join(f"{value + 0.0:.4g}" for value in values)  # -0.0 + 0.0 is 0.0

@@ -301,7 +301,10 @@ def run(arguments: argparse.Namespace) -> None:
         for job in jobs:
             reports.append(_render(job, arguments, config, uploads, said))
     except Interrupted as stop:
-        reports.append(_finish(stop.result, jobs[len(reports)], arguments, said))
+        job = jobs[len(reports)]
+        reports.append(_finish(stop.result, job, arguments, said))
+        if not arguments.quiet:
+            say(f"{job.targets['output']}: written as far as it was rendered")
         raise
     finally:
         if arguments.json and reports:

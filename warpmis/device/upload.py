@@ -103,6 +103,7 @@ class Uploads:
     def solids_of(self, scene: Scene, device: str) -> Solids:
         key = (device, fingerprint(scene))
         if self.solids is None or key != self.key:
+            self.solids = None  # before the next ones are built: there may be room for one set alone
             self.key, self.solids = key, upload_solids(scene, device)
         return self.solids
 

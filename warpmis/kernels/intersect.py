@@ -22,7 +22,8 @@ MAX_PASSED = wp.constant(64)
 
 
 def make_intersect(features: Features) -> SimpleNamespace:
-    """Intersection functions for the surfaces in `features`: closest_hit, shading_frame, passed, transmittance."""
+    """Intersection functions for the surfaces in `features`: closest_hit, shading_frame, passed, transmittance, and
+    prim_of, has_own_shadows."""
     materials = make_material(features)
     closest = closest_hit_of_all if features.instances else closest_hit
 
@@ -78,7 +79,22 @@ def make_intersect(features: Features) -> SimpleNamespace:
         return share
 
     @wp.func
-    def visibility(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+    def prim_of(scene: SceneView, hit: Hit) -> int:
+        """Row in Scene.prims of the surface."""
+        if wp.static(features.instances):
+            if hit.instance >= 0:
+                return scene.instances[hit.instance].prim
+        return scene.prims[hit.triangle]
+
+    @wp.func
+    def has_own_shadows(scene: SceneView, light: int) -> bool:
+        """Whether not every prim stands in the way of the light, a row of SceneView.controls."""
+        if light >= scene.controls.shape[0]:
+            return False
+        return scene.controls[light].shadowed_by.shape[0] > 0
+
+    @wp.func
+    def visibility(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
         """What a shadow ray leaves of the light among opaque surfaces: all or nothing."""
         if wp.mesh_query_ray_anyhit(scene.mesh, origin, wi, distance):
             return wp.vec3(0.0, 0.0, 0.0)
@@ -88,8 +104,11 @@ def make_intersect(features: Features) -> SimpleNamespace:
         return wp.vec3(1.0, 1.0, 1.0)
 
     @wp.func
-    def transmittance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """What a shadow ray leaves of the light among surfaces that let it through, per colour."""
+    def transmittance(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """The same, per colour, among surfaces that let light through, or cast no shadow from this one."""
+        if wp.static(not features.opacity):
+            if not has_own_shadows(scene, light):
+                return visibility(scene, light, origin, wi, distance)
         share = wp.vec3(1.0, 1.0, 1.0)
         start = origin
         left = distance
@@ -97,14 +116,19 @@ def make_intersect(features: Features) -> SimpleNamespace:
             hit = closest(scene, start, wi)
             if hit.distance >= left:
                 return share
-            material = scene.materials[scene.triangles[hit.triangle].material]
-            if material.opacity >= 1.0:
-                return wp.vec3(0.0, 0.0, 0.0)
-            material = materials.at(scene, hit.triangle, hit.u, hit.v)
-            cos_theta = to_local(shading_frame(scene, hit, wi), -wi)[2]
-            share = wp.cw_mul(share, passed(material, cos_theta))
-            if luminance(share) <= 0.0:
-                return share
+            stands = bool(True)
+            if wp.static(features.shadow_links):
+                if has_own_shadows(scene, light):
+                    stands = scene.controls[light].shadowed_by[prim_of(scene, hit)] != 0
+            if stands:
+                material = scene.materials[scene.triangles[hit.triangle].material]
+                if material.opacity >= 1.0:
+                    return wp.vec3(0.0, 0.0, 0.0)
+                material = materials.at(scene, hit.triangle, hit.u, hit.v)
+                cos_theta = to_local(shading_frame(scene, hit, wi), -wi)[2]
+                share = wp.cw_mul(share, passed(material, cos_theta))
+                if luminance(share) <= 0.0:
+                    return share
             left -= hit.distance
             start = hit.p - hit.ng * hit.offset
         return wp.vec3(0.0, 0.0, 0.0)
@@ -113,5 +137,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
         closest_hit=closest,
         shading_frame=shading_frame,
         passed=passed,
-        transmittance=transmittance if features.opacity else visibility,
+        prim_of=prim_of,
+        has_own_shadows=has_own_shadows,
+        transmittance=transmittance if features.opacity or features.shadow_links else visibility,
     )

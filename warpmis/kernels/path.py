@@ -144,12 +144,9 @@ def make_path(features: Features) -> SimpleNamespace:
         f_cos = scattering.f_cos
         if wp.static(features.light_response):
             f_cos = wp.cw_mul(f_cos, lights.control.response(scene, scene.light_count + chosen, scattering.diffuse))
-        if wp.static(features.shadow_links):
-            through = lights.control.transmittance(
-                scene, scene.light_count + chosen, r.x, wi_chosen, distance_chosen * SHADOW_END
-            )
-        else:
-            through = intersect.transmittance(scene, r.x, wi_chosen, distance_chosen * SHADOW_END)
+        through = intersect.transmittance(
+            scene, scene.light_count + chosen, r.x, wi_chosen, distance_chosen * SHADOW_END
+        )
         direct.radiance = wp.cw_mul(wp.cw_mul(f_cos, irradiance), through) * (total / importance)
         direct.rays = 1
         return direct
@@ -170,14 +167,31 @@ def make_path(features: Features) -> SimpleNamespace:
             if wp.static(features.light_response):
                 response = lights.control.response(scene, r.chosen, scattering.diffuse)
                 towards.radiance = wp.cw_mul(towards.radiance, response)
-        if wp.static(features.shadow_links):
-            through = lights.control.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
-        else:
-            through = intersect.transmittance(scene, r.x, towards.wi, towards.distance * SHADOW_END)
+        through = intersect.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
         weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
         direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
         direct.rays = 1
         return direct
+
+    @wp.func
+    def weight_of_mesh(
+        scene: SceneView, r: Receiver, index: int, ng: wp.vec3, wi: wp.vec3, distance: float, pdf_bsdf: float
+    ) -> float:
+        """MIS weight of a direction that the BSDF drew and that met a mesh light, against the lights' density."""
+        light = scene.lights[index]
+        of_light = pdf_mesh(light, ng, wi, distance) * lights.importance(scene, light, r)
+        return balance_weight(pdf_bsdf, lights.density(of_light, r.total))
+
+    @wp.func
+    def emitted_to(scene: SceneView, r: Receiver, index: int, emission: wp.vec3, wi: wp.vec3) -> wp.vec3:
+        """What of a mesh light's emission arrives at r, against wi."""
+        if wp.static(features.controlled):
+            factor = lights.control.factor(scene, index, r, wi)
+            if wp.static(features.light_response):
+                if r.prim > 0:
+                    factor = wp.cw_mul(factor, lights.control.response(scene, index, r.diffuse))
+            return wp.cw_mul(emission, factor)
+        return emission
 
     @wp.func
     def Li(
@@ -252,22 +266,14 @@ def make_path(features: Features) -> SimpleNamespace:
                 if mixed == bounces:
                     path.direct += wp.cw_mul(beta, emission)
                 break
-            triangle = scene.triangles[hit.triangle]
             material = materials.at(scene, hit.triangle, hit.u, hit.v)
             if wp.static(features.mesh_light):
-                if triangle.light >= 0 and (hit.outside != 0 or material.double_sided != 0):
+                light = scene.triangles[hit.triangle].light
+                if light >= 0 and (hit.outside != 0 or material.double_sided != 0):
                     weight = float(1.0)
                     if arrival == WEIGHTED:
-                        light = scene.lights[triangle.light]
-                        of_light = pdf_mesh(light, hit.ng, wi, far) * lights.importance(scene, light, r)
-                        weight = balance_weight(pdf_bsdf, lights.density(of_light, r.total))
-                    if wp.static(features.controlled):
-                        factor = lights.control.factor(scene, triangle.light, r, wi)
-                        if wp.static(features.light_response):
-                            if r.prim > 0:
-                                factor = wp.cw_mul(factor, lights.control.response(scene, triangle.light, r.diffuse))
-                        material.emission = wp.cw_mul(material.emission, factor)
-                    emission += material.emission * weight
+                        weight = weight_of_mesh(scene, r, light, hit.ng, wi, far, pdf_bsdf)
+                    emission += emitted_to(scene, r, light, material.emission, wi) * weight
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:
                 path.direct += wp.cw_mul(beta, emission)

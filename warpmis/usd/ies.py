@@ -15,6 +15,8 @@ from warpmis.light_control import IesProfile
 HEADER_NUMBERS = 13
 TYPE_C = 1
 MAX_ANGLES = 4096
+# Of what is larger float32 cannot hold the products.
+MAX_NUMBER = 1e18
 
 
 class IesError(ValueError):
@@ -47,6 +49,8 @@ def read_ies(text: str) -> IesProfile:
         raise IesError("its vertical angles leave 0 to 180 degrees")
     if not (candela >= 0.0).all():
         raise IesError("its intensities are negative")
+    if candela.max() > MAX_NUMBER:
+        raise IesError(f"its intensities times its factors are above {MAX_NUMBER:g}")
     turned, around = _full_turn(horizontal, candela)
     return IesProfile(np.radians(vertical), np.radians(turned), around)
 
@@ -61,7 +65,7 @@ def _numbers_after_tilt(text: str) -> NDArray[np.float64]:
         numbers = np.array(" ".join(lines[tilt + 1 :]).replace(",", " ").split(), np.float64)
     except ValueError:
         raise IesError("not all that follows TILT= is a number") from None
-    if not np.isfinite(numbers).all() or (np.abs(numbers) > 1e18).any():
+    if not np.isfinite(numbers).all() or (np.abs(numbers) > MAX_NUMBER).any():
         raise IesError("it holds a number that is not finite")
     if lines[tilt].strip().upper() == "TILT=INCLUDE" and len(numbers) >= 2:
         numbers = numbers[2 + 2 * max(int(numbers[1]), 0) :]

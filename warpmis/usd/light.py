@@ -156,7 +156,7 @@ def _has_place(path: str, shape: list[Any], area: float, reading: Reading) -> bo
     return True
 
 
-def _spread(prim: Any, matrix: Vector, sizes: tuple[float, float]) -> tuple[Vector, Vector, Vector]:
+def _spread(matrix: Vector, sizes: tuple[float, float]) -> tuple[Vector, Vector, Vector]:
     """Centre and world images of x and y times `sizes`, such that cross(half_v, half_u) is where -Z emits to."""
     half_u, half_v = sizes[0] * matrix[0, :3], sizes[1] * matrix[1, :3]
     if np.dot(np.cross(half_v, half_u), matrix[2, :3]) > 0.0:
@@ -166,7 +166,7 @@ def _spread(prim: Any, matrix: Vector, sizes: tuple[float, float]) -> tuple[Vect
 
 def _rect(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
     sizes = reading.number(prim, "inputs:width", 1.0) / 2, reading.number(prim, "inputs:height", 1.0) / 2
-    center, half_u, half_v = _spread(prim, matrix, sizes)
+    center, half_u, half_v = _spread(matrix, sizes)
     area = 4.0 * float(np.linalg.norm(np.cross(half_u, half_v)))
     if not _has_place(emission.path, [center, half_u, half_v], area, reading):
         return None
@@ -175,7 +175,7 @@ def _rect(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Li
 
 def _disk(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | None:
     radius = reading.number(prim, "inputs:radius", 0.5)
-    center, half_u, half_v = _spread(prim, matrix, (radius, radius))
+    center, half_u, half_v = _spread(matrix, (radius, radius))
     area = math.pi * float(np.linalg.norm(np.cross(half_u, half_v)))
     if not _has_place(emission.path, [center, half_u, half_v], area, reading):
         return None

@@ -110,11 +110,12 @@ def _multiplier(prim: Any, name: str, reading: Reading) -> float:
 
 
 def _number(prim: Any, name: str, default: float, reading: Reading) -> float:
-    """A scalar attribute; its default, with a warning, where it is authored as NaN or infinite."""
+    """A scalar attribute; its default, with a warning, where float32 could not hold its products."""
     value = reading.number(prim, name, default)
-    if math.isfinite(value):
+    if abs(value) <= MAX_COORDINATE:
         return value
-    reading.warn(prim.GetPath(), f"{name.removeprefix('inputs:')} is not finite; {default:g} is used")
+    what = "not finite" if not math.isfinite(value) else f"beyond {MAX_COORDINATE:g}"
+    reading.warn(prim.GetPath(), f"{name.removeprefix('inputs:')} is {what}; {default:g} is used")
     return default
 
 

@@ -6,13 +6,11 @@ import warp as wp
 
 from warpmis.device.views import ControlView, LightView, SceneView
 from warpmis.features import Features
-from warpmis.kernels.frame import luminance, to_local
 from warpmis.kernels.hit import Hit
-from warpmis.kernels.intersect import MAX_PASSED, make_intersect
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.area import plane_hit
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import Receiver
-from warpmis.kernels.material import make_material
 from warpmis.kernels.warps import PI
 
 wp.set_module_options({"enable_backward": False})
@@ -85,19 +83,15 @@ def picture_factor(control: ControlView, light: LightView, x: wp.vec3, wi: wp.ve
 
 
 def make_control(features: Features) -> SimpleNamespace:
-    """For the lights in `features`: prim_of, factor, response, has_own_shadows, transmittance."""
+    """For the lights in `features`: prim_of, factor, response."""
     intersect = make_intersect(features)
-    materials = make_material(features)
 
     @wp.func
     def prim_of(scene: SceneView, hit: Hit) -> int:
         """Receiver.prim of a point on a surface."""
         if scene.controls.shape[0] == 0:
             return 1
-        if wp.static(features.instances):
-            if hit.instance >= 0:
-                return scene.instances[hit.instance].prim + 1
-        return scene.prims[hit.triangle] + 1
+        return intersect.prim_of(scene, hit) + 1
 
     @wp.func
     def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
@@ -131,45 +125,4 @@ def make_control(features: Features) -> SimpleNamespace:
         control = scene.controls[index]
         return diffuse * control.diffuse + (one - diffuse) * control.specular
 
-    @wp.func
-    def has_own_shadows(scene: SceneView, index: int, r: Receiver) -> bool:
-        """Whether a surface sees the light through what other lights are blocked by. The camera does not."""
-        if r.prim == 0 or index >= scene.controls.shape[0]:
-            return False
-        return scene.controls[index].shadowed_by.shape[0] > 0
-
-    @wp.func
-    def transmittance(scene: SceneView, index: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """What a shadow ray leaves of the light: surfaces of prims that cast no shadow from it let it pass."""
-        if index >= scene.controls.shape[0]:
-            return intersect.transmittance(scene, origin, wi, distance)
-        control = scene.controls[index]
-        if control.shadowed_by.shape[0] == 0:
-            return intersect.transmittance(scene, origin, wi, distance)
-        share = wp.vec3(1.0, 1.0, 1.0)
-        start = origin
-        left = distance
-        for _passed in range(MAX_PASSED):
-            hit = intersect.closest_hit(scene, start, wi)
-            if hit.distance >= left:
-                return share
-            if control.shadowed_by[prim_of(scene, hit) - 1] != 0:
-                if wp.static(features.opacity):
-                    material = materials.at(scene, hit.triangle, hit.u, hit.v)
-                    cos_theta = to_local(intersect.shading_frame(scene, hit, wi), -wi)[2]
-                    share = wp.cw_mul(share, intersect.passed(material, cos_theta))
-                    if luminance(share) <= 0.0:
-                        return share
-                else:
-                    return wp.vec3(0.0, 0.0, 0.0)
-            left -= hit.distance
-            start = hit.p - hit.ng * hit.offset
-        return wp.vec3(0.0, 0.0, 0.0)
-
-    return SimpleNamespace(
-        prim_of=prim_of,
-        factor=factor,
-        response=response,
-        has_own_shadows=has_own_shadows,
-        transmittance=transmittance,
-    )
+    return SimpleNamespace(prim_of=prim_of, factor=factor, response=response)

@@ -6,6 +6,7 @@ import warp as wp
 
 from warpmis.device.views import CYLINDER, DISK, DISTANT, DOME, MESH, RECT, SPHERE, LightView, SceneView
 from warpmis.features import Features
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.choice import light_importance
 from warpmis.kernels.light.control import make_control
 from warpmis.kernels.light.cylinder import hit_cylinder, sample_cylinder
@@ -52,6 +53,7 @@ def make_lights(features: Features) -> SimpleNamespace:
     """Light functions for the kinds in `features`: receiver, importance, sample, sample_range, hit, gather."""
     mesh = make_mesh(features)
     control = make_control(features)
+    intersect = make_intersect(features)
 
     @wp.func
     def density(of_light: float, total: float) -> float:
@@ -236,9 +238,9 @@ def make_lights(features: Features) -> SimpleNamespace:
                 else:
                     ray.infinite += of_light
                 if wp.static(features.shadow_links):
-                    if control.has_own_shadows(scene, i, r):
+                    if r.prim > 0 and intersect.has_own_shadows(scene, i):  # the camera does not see through
                         # What ends the ray tells nothing of this light's shadows: found on the first stretch, or never.
-                        through = control.transmittance(scene, i, r.x, wi, h.distance * SHADOW_END)
+                        through = intersect.transmittance(scene, i, r.x, wi, h.distance * SHADOW_END)
                         radiance = wp.cw_mul(radiance, through)
                         h.distance = wp.where(near == 0.0, 0.5 * far, 0.0)
                 # A light flush with a surface shines: hence the tolerance, the same as the shadow ray's.

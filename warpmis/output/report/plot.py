@@ -49,7 +49,7 @@ class Axes:
 
 def error_plot(methods: Sequence[dict[str, Any]], targets: Sequence[float], reference_error: float | None) -> str:
     """Measured runs as points with their range, predictions dashed, and the targets as lines across."""
-    axes = _axes(methods, targets)
+    axes = _axes(methods)
     parts = [
         f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         'aria-label="Relative error against time, both logarithmic">',
@@ -84,7 +84,7 @@ def range_bar(low: float, median: float, high: float, limits: tuple[float, float
     )
 
 
-def _axes(methods: Sequence[dict[str, Any]], targets: Sequence[float]) -> Axes:
+def _axes(methods: Sequence[dict[str, Any]]) -> Axes:
     points = [point for method in methods for point in method["runs"]]
     times = [point["seconds"]["median"] for point in points]
     errors = [point["relative_error"][end] for point in points for end in ("low", "high")]
