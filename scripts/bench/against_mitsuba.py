@@ -3,9 +3,9 @@
     python scripts/bench/against_mitsuba.py [SCENE ...] [--spp 64] [--seeds 8] [--repeats 5] [--json FILE]
 
 Needs the extra `peer`. Scenes are those that tests/peer/mitsuba_scene.py converts; both renderers have the same
-resolution, box filter, independent samples (but for warpmis's choice of strategy), number of bounces and first bounce of
-Russian roulette, and all the threads there are. Mitsuba's multiple importance sampling is by the power heuristic. Where
-a path passes one of our lights, Mitsuba counts a bounce: its paths are a little shorter there.
+resolution, box filter, independent samples (but for warpmis's choice of strategy), number of bounces and Russian
+roulette, and all the threads there are. Mitsuba's multiple importance sampling is by the power heuristic. Where a path
+passes one of our lights, Mitsuba counts a bounce: its paths are a little shorter there.
 
 variance    of a pixel between the pictures of `--seeds` seeds, relative to its squared brightness (warpmis/metrics.py:
             squared_scale, of the mean of all pictures), mean over the pixels without each renderer's worst 0.1 %
@@ -69,7 +69,8 @@ class Runs:
 
 def works(variant: str) -> bool:
     """Whether the variant renders on this machine."""
-    return subprocess.run([sys.executable, "-c", PROBE.format(variant)], capture_output=True).returncode == 0
+    probe = [sys.executable, "-c", PROBE.format(variant)]
+    return subprocess.run(probe, check=False, capture_output=True).returncode == 0
 
 
 def ours(scene: warpmis.Scene, method: str, spp: int, max_depth: int) -> Renderer:
