@@ -43,7 +43,8 @@ def step_evenly(seed: int, pixel: int, first_sample: int, numbers: wp.array(dtyp
     key.seed = wp.uint32(seed)
     key.pixel = wp.uint32(wp.where(pixel < 0, i, pixel))
     key.sample = wp.uint32(first_sample + wp.where(pixel < 0, 0, i))
-    numbers[i] = rng.golden_ratio(key, first_sample)
+    key.round = wp.uint32(first_sample)
+    numbers[i] = rng.golden_ratio(key)
 
 
 def drawn(keys: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
