@@ -136,11 +136,10 @@ def test_the_choice_of_strategy_is_independent_of_the_point(sample: int) -> None
 
 
 def test_a_smooth_function_of_all_four_is_integrated_better_than_by_independent_points() -> None:
-    """Means of prod_d (1 + sin(2 pi x_d) / 2) - 1 over 64 points, in 500 pixels: five times smaller, about."""
+    """Means of prod_d (1 + sin(2 pi x_d) / 2) - 1 over 64 points, in 500 pixels: errors nine times smaller."""
     keys = np.concatenate([sequence(64, pixel=pixel) for pixel in range(500)])
     function = np.prod(1.0 + 0.5 * np.sin(2.0 * np.pi * drawn(keys)[0]), axis=1) - 1.0
     errors = function.reshape(500, 64).mean(axis=1)
     independent = np.sqrt((1.125**4 - 1.0) / 64)  # the variance of each factor is 1/8
     assert abs(errors.mean()) < 4.0 * errors.std() / np.sqrt(500)
-    print(np.sqrt((errors**2).mean()) / independent)
-    assert np.sqrt((errors**2).mean()) < 0.25 * independent
+    assert np.sqrt((errors**2).mean()) < 0.15 * independent
