@@ -17,6 +17,7 @@ from warpmis.methods import METHODS, Method
 STRATEGIES = ("bsdf", "light", "uniform", "cosine", "area", "dome", "diffuse", "specular")
 DEFAULT_STRATEGIES = ("bsdf", "light")
 STRATEGY_CHOICES = ("stratified", "random")
+SAMPLERS = ("independent", "sobol")
 
 # Strategies whose densities are positive wherever the integrand is: a mixture needs one of them.
 COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular")
@@ -79,6 +80,7 @@ class RenderConfig:
         time_limit: render until learning and rendering have taken so long [s].
         threads: CPU threads; None takes what the process may use.
         strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
+        sampler: "independent" numbers, or those of a scrambled "sobol" sequence, which fills each pixel more evenly.
         ids: also tell which prim, place and face the middle of each pixel sees.
         mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.
         learn: for the methods that learn.
@@ -90,6 +92,7 @@ class RenderConfig:
     strategies: tuple[str, ...] = DEFAULT_STRATEGIES
     allocation: NDArray[np.float32] | tuple[float, ...] | None = None
     strategy_choice: str = "stratified"
+    sampler: str = "independent"
     mis_compensation: bool = False
     max_depth: int = 8
     seed: int = 0
@@ -115,6 +118,8 @@ class RenderConfig:
         if self.strategy_choice not in STRATEGY_CHOICES:
             choices = ", ".join(STRATEGY_CHOICES)
             raise ConfigError(f"unknown strategy choice '{self.strategy_choice}'; choose one of {choices}")
+        if self.sampler not in SAMPLERS:
+            raise ConfigError(f"unknown sampler '{self.sampler}'; choose one of {', '.join(SAMPLERS)}")
         if self.how.learns:
             self._check_learning()
         elif self.learn != LearnConfig():
@@ -163,6 +168,7 @@ class RenderConfig:
             "strategies": list(self.strategies),
             "allocation": allocation,
             "strategy_choice": self.strategy_choice,
+            "sampler": self.sampler,
             "mis_compensation": int(self.mis_compensation),
             "max_depth": self.max_depth,
             "seed": self.seed,
@@ -183,6 +189,8 @@ class RenderConfig:
         if error is not None:
             if not (_is_number(error) and 0.0 < error <= 1.0):
                 raise ConfigError(f"target error must be above 0 and at most 1 (100 %), got {error}")
+            if self.sampler == "sobol":
+                raise ConfigError("a target error is told by independent samples: drop the sampler, or set spp instead")
             object.__setattr__(self, "target_error", float(error))
         if limit is not None:
             if not (_is_number(limit) and 0.0 < limit < math.inf):

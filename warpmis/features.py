@@ -36,6 +36,7 @@ class Features:
         indirect: light by way of more than one surface: some surface reflects, and paths are long enough.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
+        sampler: what the numbers of a path are: independent, or a Sobol sequence.
     """
 
     rect_light: bool = False
@@ -69,6 +70,7 @@ class Features:
     indirect: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
+    sampler: str = "independent"
 
     @property
     def controlled(self) -> bool:
@@ -84,6 +86,9 @@ class Features:
 
     def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
         return replace(self, strategies=strategies, statistics=statistics)
+
+    def with_sampler(self, sampler: str = "independent") -> Features:
+        return replace(self, sampler=sampler)
 
     def with_depth(self, max_depth: int) -> Features:
         """What paths of so many bounces need of these effects."""

@@ -66,8 +66,8 @@ def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) 
 
 
 def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
-    """The kernel that tells ids, where they are asked for: one for all methods."""
-    return [make_identify(features.with_strategies(()))] if config.ids else []
+    """The kernel that tells ids, where they are asked for: one for all methods and samplers."""
+    return [make_identify(features.with_strategies(()).with_sampler())] if config.ids else []
 
 
 def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:

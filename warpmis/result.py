@@ -31,7 +31,8 @@ class RenderResult:
         depth: mean distance along the viewing axis to the first hit [scene units],
             shape (H, W) float32.
         samples: number of samples, shape (H, W).
-        variance: variance of one sample's luminance estimate, shape (H, W) float32.
+        variance: variance of one sample's luminance estimate, shape (H, W) float32; of the sampler "sobol" that of
+            independent samples, which those of a sequence do better than.
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.
         round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.

@@ -43,7 +43,8 @@ def step_evenly(seed: int, pixel: int, first_sample: int, step: wp.uint32, numbe
     key.seed = wp.uint32(seed)
     key.pixel = wp.uint32(wp.where(pixel < 0, i, pixel))
     key.sample = wp.uint32(first_sample + wp.where(pixel < 0, 0, i))
-    numbers[i] = rng.lattice(key, first_sample, step)
+    key.round = wp.uint32(first_sample)
+    numbers[i] = rng.lattice(key, step)
 
 
 def drawn(keys: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -15,7 +15,7 @@ from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text
 from warpmis.cli.explain import explain
 from warpmis.cli.frames import frame_list
 from warpmis.cli.jobs import Job, jobs_of
-from warpmis.config import CEILING, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
+from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 from warpmis.output.balance_map import primaries
@@ -128,6 +128,9 @@ def add_kernel_options(group: Any) -> None:
         "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
     )
     group.add_argument(
+        "--sampler", metavar="NAME", help=f"what the paths' numbers are: {' or '.join(SAMPLERS)} ({default.sampler})"
+    )
+    group.add_argument(
         "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
     )
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
@@ -142,7 +145,7 @@ def add_kernel_options(group: Any) -> None:
 
 def kernel_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """What `add_kernel_options` asked for, but the features, as RenderConfig names it."""
-    names = ("method", "strategies", "strategy_choice", "max_depth", "device", "ids")
+    names = ("method", "strategies", "strategy_choice", "sampler", "max_depth", "device", "ids")
     return given(**{name: getattr(arguments, name) for name in names})
 
 

@@ -6,6 +6,7 @@ from warpmis.device.views import CameraView
 from warpmis.features import Features
 from warpmis.kernels import rng
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.warps import square_to_disk
 
 wp.set_module_options({"enable_backward": False})
@@ -55,6 +56,7 @@ def clipped(camera: CameraView, ray: CameraRay) -> CameraRay:
 
 def make_camera(features: Features) -> wp.Function:
     """The function camera_ray for one set of effects."""
+    sampler = make_sampler(features)
 
     @wp.func
     def camera_ray(camera: CameraView, key: rng.RngKey, pixel: int, u: float, v: float) -> CameraRay:
@@ -70,7 +72,7 @@ def make_camera(features: Features) -> wp.Function:
         ray.origin = camera.position
         ray.direction = wp.normalize(point)
         if wp.static(features.depth_of_field):
-            u_lens = rng.uniform4(key, rng.LENS)
+            u_lens = sampler.of_pixel(key, rng.LENS)
             disk = square_to_disk(u_lens[0], u_lens[1])
             offset = camera.lens_u * disk[0] + camera.lens_v * disk[1]
             ray.origin = camera.position + offset

@@ -22,6 +22,7 @@ from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.light.table import SHADOW_END, make_lights
 from warpmis.kernels.material import make_material
 from warpmis.kernels.mis import balance_weight
+from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.strategies import make_strategies
 
 wp.set_module_options({"enable_backward": False})
@@ -41,6 +42,7 @@ def make_path(features: Features) -> SimpleNamespace:
     materials = make_material(features)
     events = make_events(features, intersect.passed)
     strategies = make_strategies(features, surface, lights)
+    sampler = make_sampler(features)
     vec_s = strategies.vec_s
     has_events = features.smooth or features.opacity
     has_mixture = strategies.count > 0
@@ -281,7 +283,7 @@ def make_path(features: Features) -> SimpleNamespace:
             frame = intersect.shading_frame(scene, hit, wi)
             wo = to_local(frame, -wi)
             if wp.static(has_events):
-                event = events.choose(material, wo[2], rng.uniform4_of_step(key, step, rng.EVENT)[0])
+                event = events.choose(material, wo[2], sampler.of_step(key, step, rng.EVENT)[0])
                 beta = wp.cw_mul(beta, event.weight)
                 if event.kind == PASS:
                     start = hit.p - hit.ng * hit.offset
@@ -311,17 +313,17 @@ def make_path(features: Features) -> SimpleNamespace:
                     arrival = SEEN
                     continue
 
-            u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
+            u_light = sampler.of_step(key, step, rng.LIGHT)
             r = lights.receiver(scene, start, frame.n, u_light[0])
             if wp.static(features.controlled):
                 r.prim = lights.control.prim_of(scene, hit)
             s = surface.prepare(material, wo)
             if wp.static(features.delta_light):
-                u_delta = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)
+                u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)
                 from_delta = delta_light(scene, r, frame, hit.ng, s, u_delta[0])
                 L += wp.cw_mul(beta, from_delta.radiance)
                 path.shadow_rays += from_delta.rays
-            u_scatter = rng.uniform4_of_step(key, step, rng.SCATTER)
+            u_scatter = sampler.of_step(key, step, rng.SCATTER)
             arrival = WEIGHTED
             if wp.static(has_mixture):
                 if mixed < 0:

@@ -25,9 +25,12 @@ LENS = wp.constant(-2)
 
 @wp.struct
 class RngKey:
+    """round: the first sample of the round that the sample belongs to."""
+
     seed: wp.uint32
     pixel: wp.uint32
     sample: wp.uint32
+    round: wp.uint32
 
 
 @wp.func
@@ -37,16 +40,16 @@ def to_unit(bits: wp.uint32) -> float:
 
 
 @wp.func
-def uniform4(key: RngKey, block: int) -> wp.vec4:
-    """Four independent numbers in [0, 1).
+def bits4(seed: wp.uint32, pixel: wp.uint32, sample: wp.uint32, block: int) -> wp.vec4ui:
+    """Four independent hashes.
 
     Reference: Jarzynski and Olano (2020), "Hash Functions for GPU Rendering", JCGT 9(3), function pcg4d.
     """
     multiplier = wp.uint32(1664525)
     increment = wp.uint32(1013904223)
-    x = key.seed * multiplier + increment
-    y = key.pixel * multiplier + increment
-    z = key.sample * multiplier + increment
+    x = seed * multiplier + increment
+    y = pixel * multiplier + increment
+    z = sample * multiplier + increment
     w = wp.uint32(block) * multiplier + increment
     x = x + y * w
     y = y + z * x
@@ -60,7 +63,14 @@ def uniform4(key: RngKey, block: int) -> wp.vec4:
     y = y + z * x
     z = z + x * y
     w = w + y * z
-    return wp.vec4(to_unit(x), to_unit(y), to_unit(z), to_unit(w))
+    return wp.vec4ui(x, y, z, w)
+
+
+@wp.func
+def uniform4(key: RngKey, block: int) -> wp.vec4:
+    """Four independent numbers in [0, 1)."""
+    bits = bits4(key.seed, key.pixel, key.sample, block)
+    return wp.vec4(to_unit(bits[0]), to_unit(bits[1]), to_unit(bits[2]), to_unit(bits[3]))
 
 
 def lattice_step(count: int) -> int:
@@ -74,19 +84,17 @@ def lattice_step(count: int) -> int:
 
 
 @wp.func
-def lattice(key: RngKey, first_sample: int, step: wp.uint32) -> float:
-    """One number a sample: over a round of samples, which begins with `first_sample`, equidistant points from a random
-    start, `lattice_step` of the round apart from one sample to the next.
+def lattice(key: RngKey, step: wp.uint32) -> float:
+    """One number a sample: over a round of samples equidistant points from a random start, `lattice_step` of the round
+    apart from one sample to the next.
 
     A round that went on with the numbers of the last one would be biased: its shares are learned from samples whose
     strategies tell where the sequence stands.
 
     Reference: Sloan, Joe (1994), "Lattice Methods for Multiple Integration"; Cranley, Patterson (1976) for the start.
     """
-    start = key
-    start.sample = wp.uint32(first_sample)
-    offset = wp.uint32(uniform4(start, CHOICE)[0] * 16777216.0) << wp.uint32(8)
-    return to_unit(offset + (key.sample - start.sample) * step)
+    start = bits4(key.seed, key.pixel, key.round, CHOICE)[0]
+    return to_unit(start + (key.sample - key.round) * step)
 
 
 @wp.func

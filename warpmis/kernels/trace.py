@@ -12,6 +12,7 @@ from warpmis.kernels.camera import make_camera
 from warpmis.kernels.frame import luminance
 from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
+from warpmis.kernels.sampler import make_sampler
 
 # What a round is learned from. One from which nothing is learned has moments too: they tell how good its shares are.
 LEARN_NOTHING = wp.constant(0)
@@ -61,6 +62,7 @@ def make_trace(features: Features) -> wp.Kernel:
     """The trace kernel for one set of effects. Equal features return the same kernel."""
     path = make_path(features)
     camera_ray = make_camera(features)
+    sampler = make_sampler(features)
     Li = path.Li
     vec_s = path.strategies.vec_s
     count = path.strategies.count
@@ -95,6 +97,7 @@ def make_trace(features: Features) -> wp.Kernel:
         key = rng.RngKey()
         key.seed = seed
         key.pixel = wp.uint32(pixel)
+        key.round = wp.uint32(round_start)
         a = vec_s()
         if wp.static(count > 0):
             a = allocation[pixel]
@@ -111,11 +114,11 @@ def make_trace(features: Features) -> wp.Kernel:
         sums = vec_k()
         for k in range(samples):
             key.sample = wp.uint32(first_sample + k)
-            u = rng.uniform4(key, rng.CAMERA)
+            u = sampler.of_pixel(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u[0], u[1])
             u_strategy = u[2]
             if stratified != 0:
-                u_strategy = rng.lattice(key, round_start, choice_step)
+                u_strategy = rng.lattice(key, choice_step)
             sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth, learn)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)

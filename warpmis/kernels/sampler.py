@@ -1,0 +1,13 @@
+"""Which numbers a path is made of: those of all its decisions but the choice of strategy and Russian roulette."""
+
+from types import SimpleNamespace
+
+from warpmis.features import Features
+from warpmis.kernels import rng, sobol
+
+
+def make_sampler(features: Features) -> SimpleNamespace:
+    """Functions of_pixel(key, block) and of_step(key, step, purpose): four numbers in [0, 1) each."""
+    if features.sampler == "sobol":
+        return SimpleNamespace(of_pixel=sobol.point4, of_step=sobol.point4_of_step)
+    return SimpleNamespace(of_pixel=rng.uniform4, of_step=rng.uniform4_of_step)
