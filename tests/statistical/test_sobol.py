@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 import scenes
 from scipy import stats
 from statistical.estimates import REGIONS, block_means
@@ -31,6 +32,7 @@ def means(**settings: Any) -> np.ndarray:
     return np.array([block_means(picture) for picture in pictures])
 
 
+@pytest.mark.slow
 def test_the_means_are_those_of_independent_samples() -> None:
     truth = means(**INDEPENDENT)
     for settings in SOBOL.values():
