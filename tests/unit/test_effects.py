@@ -43,7 +43,7 @@ FUNCTIONS = {
     "smooth": ("make_events__locals__choose",),
     "instances": ("closest_hit_of_all", "instance_surface", "normal_to_world"),
     "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__passed"),
-    "textures": ("picture_value", "make_texture__locals__value"),
+    "textures": ("picture_value", "footprint", "filtered"),
     "normal_maps": ("make_intersect__locals__mapped_normal",),
     "clipping": ("clipped",),
 }

@@ -31,7 +31,7 @@ def look(
     i = wp.tid()
     hit = closest_hit(scene, origins[i], wi)
     found[i] = materials.at(scene, hit.triangle, hit.u, hit.v)
-    normals[i] = intersect.shading_frame(scene, hit, wi).n
+    normals[i] = intersect.shading_frame(scene, hit, found[i], wi).n
 
 
 def seen_at(scene: Scene, xy: Any, wi: tuple[float, float, float] = (0.0, 0.0, -1.0)) -> dict[str, NDArray[Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,7 @@ INPUTS = {
     "clearcoat": ("coat", COAT),
     "clearcoat_roughness": ("coat_roughness", COAT_ROUGHNESS),
     "opacity": ("opacity", OPACITY),
+    "normal": ("normal", NORMAL),
 }
 
 
@@ -59,8 +60,9 @@ class MaterialTables:
     """The materials of a scene, ready to upload; a picture's texels stand once, whoever looks them up.
 
     Attributes:
-        inputs, lookups, tiles: records; texels: the pictures in tiles, flat, `words` in all.
-        placed: first word of each picture that is in already, by the array's identity.
+        inputs, lookups, tiles: records; stacks: the pictures in tiles, those together that stand texel by texel
+            side by side; words: how many words all of these take.
+        placed: first word of each picture that is in already, and words from texel to texel, by the array's identity.
         first_tiles: first row in `tiles` of each texture, by its identity.
     """
 
@@ -68,9 +70,9 @@ class MaterialTables:
     inputs: list[InputsView] = field(default_factory=list)
     lookups: list[LookupView] = field(default_factory=list)
     tiles: list[TileView] = field(default_factory=list)
-    texels: list[NDArray[np.uint32]] = field(default_factory=list)
+    stacks: list[list[NDArray[Any]]] = field(default_factory=list)
     words: int = 0
-    placed: dict[int, int] = field(default_factory=dict)
+    placed: dict[int, tuple[int, int]] = field(default_factory=dict)
     first_tiles: dict[int, int] = field(default_factory=dict)
 
     def add(self, material: Material) -> None:
@@ -83,40 +85,60 @@ class MaterialTables:
 
     def _inputs(self, material: Material) -> InputsView:
         view = InputsView()
-        constant = material.mean
         view.first_lookup = len(self.lookups)
-        for name, (attribute, _) in INPUTS.items():
-            setattr(view, attribute, getattr(constant, name))
-        lookups = material.lookups
-        looked_up = [(lookups[name], number) for name, (_, number) in INPUTS.items() if name in lookups]
-        # What looks up the same texels stands side by side, so that they are fetched once.
-        kinds = [any_channel(lookup) for lookup, _ in looked_up]
-        order = sorted(range(len(looked_up)), key=lambda place: kinds.index(kinds[place]))
-        for before, place in zip([-1, *order], order, strict=False):
-            self.lookups.append(self._lookup(*looked_up[place]))
-            self.lookups[-1].repeats = int(before >= 0 and kinds[before] == kinds[place])
-        view.lookup_count = len(self.lookups) - view.first_lookup
         view.normal_lookup = -1
-        if material.normal is not None:
-            view.normal_lookup = len(self.lookups)
-            self.lookups.append(self._lookup(material.normal, NORMAL))
+        lookups = material.lookups
+        groups: dict[Any, list[str]] = {}
+        for name, (attribute, _) in INPUTS.items():
+            if name in lookups:
+                groups.setdefault(place_of(lookups[name]), []).append(name)
+            elif name != "normal":
+                setattr(view, attribute, getattr(material, name))
+        for names in groups.values():
+            self._stack([lookup.texture for name in names if isinstance(lookup := lookups[name], TextureLookup)])
+            for name in names:
+                if name == "normal":
+                    view.normal_lookup = len(self.lookups)
+                self.lookups.append(self._lookup(lookups[name], INPUTS[name][1]))
+                self.lookups[-1].repeats = int(name != names[0])
+        view.lookup_count = len(self.lookups) - view.first_lookup
         view.opacity_threshold = material.opacity_threshold
         view.use_specular_workflow = int(material.use_specular_workflow)
         return view
+
+    def _stack(self, textures: list[Texture]) -> None:
+        """Pictures of the same size, looked up at the same places, into the texels: all words of a texel side by side.
+
+        What one hit reads is then in a few lines of the cache. A picture that is in already stays where it is.
+        """
+        for number in textures[0].tiles if textures else ():
+            pictures = {id(texture.tiles[number]): texture.tiles[number] for texture in textures}
+            stack = [pixels for key, pixels in pictures.items() if key not in self.placed]
+            stride = sum(map(words_in_texel, stack))
+            first = self.words
+            for pixels in stack:
+                self.placed[id(pixels)] = first, stride
+                first += words_in_texel(pixels)
+            if stack:
+                rows, columns = (-(-side // BLOCK) * BLOCK for side in stack[0].shape[:2])
+                self.stacks.append(stack)
+                self.words += rows * columns * stride
 
     def _lookup(self, lookup: Lookup, number: int) -> LookupView:
         view = LookupView()
         view.input = number
         view.column = lookup.column
         view.tile = -1
-        view.channel = RGB if number in (DIFFUSE, EMISSIVE, SPECULAR) else 0
+        view.channel = RGB if number in (DIFFUSE, EMISSIVE, SPECULAR, NORMAL) else 0
         if not isinstance(lookup, PrimvarLookup):
             view.tile, view.udim_rows = self._tiles(lookup.texture)
             view.row_s, view.row_t = lookup.transform
             view.wrap_s = CLAMP if lookup.texture.is_udim else WRAP_MODES[lookup.wrap_s]
             view.wrap_t = CLAMP if lookup.texture.is_udim else WRAP_MODES[lookup.wrap_t]
             view.channel = RGB if lookup.channels == "rgb" else "rgba".index(lookup.channels)
-            view.scale, view.bias, view.fallback = lookup.scale, lookup.bias, lookup.fallback
+            components = slice(3) if view.channel == RGB else [view.channel] * 3
+            for name in ("scale", "bias", "fallback"):
+                setattr(view, name, tuple(np.array(getattr(lookup, name))[components]))
         return view
 
     def _tiles(self, texture: Texture) -> tuple[int, int]:
@@ -133,13 +155,8 @@ class MaterialTables:
         view = TileView()
         view.rows, view.columns, view.channels = pixels.shape
         view.blocks = -(-view.columns // BLOCK)
-        is_byte = pixels.dtype == np.uint8
-        view.encoding = (SRGB_BYTES if is_srgb else BYTES) if is_byte else FLOATS
-        if id(pixels) not in self.placed:
-            self.placed[id(pixels)] = self.words
-            self.texels.append(in_blocks(byte_words(pixels) if is_byte else pixels.view(np.uint32)))
-            self.words += len(self.texels[-1])
-        view.first = self.placed[id(pixels)]
+        view.encoding = (SRGB_BYTES if is_srgb else BYTES) if pixels.dtype == np.uint8 else FLOATS
+        view.first, view.stride = self.placed[id(pixels)]
         return view
 
 
@@ -148,6 +165,21 @@ def material_tables(scene: Scene) -> MaterialTables:
     for material in scene.materials or (Material(),):
         tables.add(material)
     return tables
+
+
+def words_in_texel(pixels: NDArray[Any]) -> int:
+    return 1 if pixels.dtype == np.uint8 else pixels.shape[-1]
+
+
+def texels_of(stacks: list[list[NDArray[Any]]]) -> NDArray[np.uint32]:
+    """The words of all pictures as the kernels read them, shape (n,)."""
+    words = [in_blocks(np.concatenate([words_of(pixels) for pixels in stack], axis=-1)) for stack in stacks]
+    return np.concatenate([np.zeros(0, np.uint32), *words])
+
+
+def words_of(pixels: NDArray[Any]) -> NDArray[np.uint32]:
+    """A picture's texels, shape (rows, columns, words)."""
+    return byte_words(pixels) if pixels.dtype == np.uint8 else pixels.view(np.uint32)
 
 
 def byte_words(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
@@ -168,13 +200,22 @@ def in_blocks(texels: NDArray[np.uint32]) -> NDArray[np.uint32]:
     return blocks.swapaxes(1, 2).ravel()
 
 
-def any_channel(lookup: Lookup) -> Lookup:
-    """What is equal of lookups that read the same texels."""
-    return replace(lookup, channels="rgb") if isinstance(lookup, TextureLookup) else lookup
+def place_of(lookup: Lookup) -> Any:
+    """What is equal of lookups that look at the same place in pictures of the same size."""
+    if isinstance(lookup, PrimvarLookup):
+        return lookup
+    sizes = tuple(sorted((number, pixels.shape[:2]) for number, pixels in lookup.texture.tiles.items()))
+    return lookup.column, lookup.transform, lookup.wrap_s, lookup.wrap_t, sizes, lookup.texture.is_udim
 
 
-def upload_materials(view: SceneView, tables: MaterialTables, primvars: NDArray[np.float32]) -> VaryingView | None:
-    """The materials into the view; what varies over surfaces is returned, to be kept alive."""
+def upload_materials(
+    view: SceneView, tables: MaterialTables, texels: Any, primvars: NDArray[np.float32]
+) -> VaryingView | None:
+    """The materials into the view; what varies over surfaces is returned, to be kept alive.
+
+    Args:
+        texels: those of tables.stacks, on the device.
+    """
     view.materials = wp.array(tables.materials, dtype=MaterialView)
     if not tables.inputs:
         return None
@@ -182,7 +223,7 @@ def upload_materials(view: SceneView, tables: MaterialTables, primvars: NDArray[
     varying.inputs = wp.array(tables.inputs, dtype=InputsView)
     varying.lookups = wp.array(tables.lookups, dtype=LookupView)
     varying.tiles = wp.array(tables.tiles, dtype=TileView)
-    varying.texels = wp.array(np.concatenate([np.zeros(0, np.uint32), *tables.texels]), dtype=wp.uint32)
+    varying.texels = texels
     varying.byte_values = wp.array(np.concatenate([byte_values(False), byte_values(True)]), dtype=float)
     varying.primvars = wp.array(primvars, dtype=float)
     view.varying = wp.array([varying], dtype=VaryingView)

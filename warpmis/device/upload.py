@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
 from warpmis.device.instances import largest_shrinking, upload_instances
 from warpmis.device.lights import LightTables, light_tables
-from warpmis.device.materials import material_tables, upload_materials
+from warpmis.device.materials import MaterialTables, material_tables, texels_of, upload_materials
 from warpmis.device.mesh import padded_boxes, watertight_meshes
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.records import records
@@ -59,14 +61,15 @@ def upload(
         ConfigError: the machine lacks the device.
     """
     check_device(device)
-    solids = (uploads or Uploads()).solids_of(scene, device)
+    uploads = uploads or Uploads()
+    solids = uploads.solids_of(scene, device)
     geometry = solids.geometry
     tables = light_tables(scene, solids.in_world)
     with wp.ScopedDevice(device):
         view = SceneView()
         for name, value in solids.fields.items():
             setattr(view, name, value)
-        varying = upload_surfaces(view, scene, geometry, tables)
+        varying = upload_surfaces(view, scene, geometry, tables, uploads, device)
         lights = upload_lights(view, geometry, tables, mis_compensation)
         if ids:
             upload_ids(view, geometry)
@@ -92,30 +95,45 @@ class Solids:
 
 @dataclass(eq=False)
 class Uploads:
-    """What a render has put on a device, for the next one to use again if it has the same triangles.
+    """What a render has put on a device, for the next one to use again where triangles or pictures are the same.
 
-    Of a sequence in which the camera, lights or materials alone change, the trees are built once.
+    Of a sequence in which the camera, lights or materials' numbers alone change, the trees are built once, and the
+    textures are packed and copied once.
     """
 
     key: tuple[str, bytes] | None = None
     solids: Solids | None = None
+    texels_key: tuple[str, bytes] | None = None
+    texels: Any = None
 
     def solids_of(self, scene: Scene, device: str) -> Solids:
-        key = (device, fingerprint(scene))
+        key = (device, fingerprint(columns_of(scene)))
         if self.solids is None or key != self.key:
             self.solids = None  # before the next ones are built: there may be room for one set alone
             self.key, self.solids = key, upload_solids(scene, device)
         return self.solids
 
+    def texels_of(self, tables: MaterialTables, device: str) -> Any:
+        """The texels of the tables' pictures on the device."""
+        arrays = [(f"{i}", pixels) for i, stack in enumerate(tables.stacks) for pixels in stack]
+        key = (device, fingerprint(arrays))
+        if key != self.texels_key:
+            self.texels_key, self.texels = key, wp.array(texels_of(tables.stacks), dtype=wp.uint32, device=device)
+        return self.texels
 
-def fingerprint(scene: Scene) -> bytes:
-    """The same of scenes whose triangles and prototypes are equal, and of no others."""
-    found = hashlib.sha1(usedforsecurity=False)
+
+def columns_of(scene: Scene) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The arrays of a scene's triangles and prototypes, with their names."""
     for owner in (*scene.parts, *scene.prototypes):
-        for name, column in vars(owner).items():
-            if isinstance(column, np.ndarray):
-                found.update(f"{name} {column.shape}".encode())
-                found.update(np.ascontiguousarray(column).data)
+        yield from ((name, column) for name, column in vars(owner).items() if isinstance(column, np.ndarray))
+
+
+def fingerprint(arrays: Iterable[tuple[str, NDArray[Any]]]) -> bytes:
+    """The same of arrays that have the same names, types, shapes and contents, and of no others."""
+    found = hashlib.sha1(usedforsecurity=False)
+    for name, array in arrays:
+        found.update(f"{name} {array.dtype} {array.shape}".encode())
+        found.update(np.ascontiguousarray(array).data)
     return found.digest()
 
 
@@ -167,7 +185,9 @@ def upload_ids(view: SceneView, geometry: Geometry) -> None:
     view.copies = wp.array(geometry.copies if geometry.copies.size else none, dtype=int)
 
 
-def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables) -> VaryingView | None:
+def upload_surfaces(
+    view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables, uploads: Uploads, device: str
+) -> VaryingView | None:
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
@@ -175,7 +195,8 @@ def upload_surfaces(view: SceneView, scene: Scene, geometry: Geometry, tables: L
     light[: len(tables.triangle_light)] = tables.triangle_light
     columns = {"normals": geometry.normal_indices, "material": material, "light": light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
-    return upload_materials(view, material_tables(scene), geometry.primvars)
+    materials = material_tables(scene)
+    return upload_materials(view, materials, uploads.texels_of(materials, device), geometry.primvars)
 
 
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:

@@ -63,13 +63,15 @@ class MaterialView:
     """A material with its workflow resolved: what the lobes need, no more.
 
     specular_f0 is the reflectance at normal incidence (0 with `has_specular` 0: no lobe at all); alpha is
-    roughness squared. inputs: row of VaryingView.inputs where some input varies over the surface (the fields here are
-    then of the inputs' means), or -1.
+    roughness squared. normal: of a normal map, along the directions in which s and t grow and the shading normal; 0
+    where there is none. inputs: row of VaryingView.inputs where some input varies over the surface (the fields here
+    are then of the inputs' means), or -1.
     """
 
     diffuse: wp.vec3
     specular_f0: wp.vec3
     emission: wp.vec3
+    normal: wp.vec3
     has_specular: int
     alpha: float
     coat: float
@@ -89,6 +91,7 @@ class InputsView:
     diffuse: wp.vec3
     emissive: wp.vec3
     specular: wp.vec3
+    normal: wp.vec3
     metallic: float
     roughness: float
     coat: float
@@ -106,7 +109,8 @@ class LookupView:
     """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
     begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
     tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0; repeats: 1
-    where all but `input` and `channel` is as in the row before."""
+    where it looks at the same place in a picture of the same size as the row before; scale, bias, fallback: of red,
+    green and blue or, thrice, of the one channel."""
 
     input: int
     repeats: int
@@ -118,19 +122,21 @@ class LookupView:
     wrap_s: int
     wrap_t: int
     channel: int
-    scale: wp.vec4
-    bias: wp.vec4
-    fallback: wp.vec4
+    scale: wp.vec3
+    bias: wp.vec3
+    fallback: wp.vec3
 
 
 @wp.struct
 class TileView:
     """A picture's texels in VaryingView.texels from `first` on, a word of red, green, blue and alpha bytes each, or
-    `channels` floats: `blocks` blocks side by side, one such row after the other from the top, and so within a block.
+    `channels` floats, each `stride` words after the one before: between them stand those of pictures that are looked up
+    at the same places. `blocks` blocks side by side, one such row after the other from the top, and so within a block.
     rows is 0 where a UDIM picture has no tile."""
 
     encoding: int
     first: int
+    stride: int
     rows: int
     columns: int
     blocks: int

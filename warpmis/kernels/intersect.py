@@ -28,19 +28,19 @@ def make_intersect(features: Features) -> SimpleNamespace:
     closest = closest_hit_of_all if features.instances else closest_hit
 
     @wp.func
-    def mapped_normal(scene: SceneView, hit: Hit, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
+    def mapped_normal(scene: SceneView, hit: Hit, material: MaterialView, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
         """The normal `n`, on the ray's side, turned by a normal map, no further than the ray's origin can see it."""
-        if not materials.has_normal_map(scene, hit.triangle):
+        if wp.length_sq(material.normal) == 0.0:
             return n
         side = wp.where(hit.outside != 0, 1.0, -1.0)
-        turned = materials.tilted(scene, hit, n * side) * side
+        turned = materials.tilted(scene, hit, material, n * side) * side
         seen = -wp.dot(turned, wi)
         if seen < MIN_MAPPED_COSINE:
             turned = wp.normalize(turned - wi * (MIN_MAPPED_COSINE - seen))
         return wp.where(wp.dot(turned, hit.ng) > 0.0, turned, n)
 
     @wp.func
-    def shading_frame(scene: SceneView, hit: Hit, wi: wp.vec3) -> Frame:
+    def shading_frame(scene: SceneView, hit: Hit, material: MaterialView, wi: wp.vec3) -> Frame:
         """The frame of the shading normal on the ray's side; of the geometric one where the former faces away."""
         n = hit.ng
         if wp.static(features.shading_normals):
@@ -61,7 +61,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
                 if wp.dot(shading, wi) < -1.0e-4 and wp.dot(shading, hit.ng) > 0.0:
                     n = shading
         if wp.static(features.normal_maps):
-            n = mapped_normal(scene, hit, wi, n)
+            n = mapped_normal(scene, hit, material, wi, n)
         return frame_from_normal(n)
 
     @wp.func
@@ -125,7 +125,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
                 if material.opacity >= 1.0:
                     return wp.vec3(0.0, 0.0, 0.0)
                 material = materials.at(scene, hit.triangle, hit.u, hit.v)
-                cos_theta = to_local(shading_frame(scene, hit, wi), -wi)[2]
+                cos_theta = to_local(shading_frame(scene, hit, material, wi), -wi)[2]
                 share = wp.cw_mul(share, passed(material, cos_theta))
                 if luminance(share) <= 0.0:
                     return share

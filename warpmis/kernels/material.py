@@ -11,7 +11,7 @@ from warpmis.device.views import (
     DIFFUSE,
     EMISSIVE,
     METALLIC,
-    RGB,
+    NORMAL,
     ROUGHNESS,
     SPECULAR,
     InputsView,
@@ -21,7 +21,7 @@ from warpmis.device.views import (
 )
 from warpmis.features import Features
 from warpmis.kernels.hit import Hit
-from warpmis.kernels.texture import coordinates, make_texture, picture_value
+from warpmis.kernels.texture import Footprint, coordinates, corner_coordinates, footprint, picture_value, primvar_value
 
 wp.set_module_options({"enable_backward": False})
 
@@ -37,8 +37,7 @@ def clamped(color: wp.vec3, high: float) -> wp.vec3:
 
 @cache
 def make_material(features: Features) -> SimpleNamespace:
-    """Material functions for what varies in `features`: at, has_normal_map, tilted."""
-    texture = make_texture(features)
+    """Material functions for what varies in `features`: at, tilted."""
 
     @wp.func
     def looked_up(
@@ -49,17 +48,23 @@ def make_material(features: Features) -> SimpleNamespace:
         A loop with one lookup in it: a call for each input would be compiled in place nine times.
         """
         i = constant
-        channels = wp.vec4()
+        f = Footprint()
         for row in range(i.first_lookup, i.first_lookup + i.lookup_count):
-            if varying[0].lookups[row].repeats == 0:
-                channels = texture.value(varying, row, triangle, u, v)
-            value = wp.vec3(channels[0], channels[1], channels[2])
-            channel = varying[0].lookups[row].channel
-            if channel != RGB:
-                value = wp.vec3(channels[channel], channels[channel], channels[channel])
+            lookup = varying[0].lookups[row]
+            value = wp.vec3()
+            if wp.static(features.vertex_colors):
+                if lookup.tile < 0:
+                    value = primvar_value(varying[0].primvars, lookup, triangle, u, v)
+            if wp.static(features.textures):
+                if lookup.tile >= 0:
+                    if lookup.repeats == 0:
+                        f = footprint(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
+                    value = picture_value(varying, lookup, f)
             number = wp.clamp(value[0], 0.0, 1.0)
-            which = varying[0].lookups[row].input
-            if which == DIFFUSE:
+            which = lookup.input
+            if which == NORMAL:
+                i.normal = value
+            elif which == DIFFUSE:
                 i.diffuse = clamped(value, 1.0)
             elif which == EMISSIVE:
                 i.emissive = clamped(value, MAX_EMISSION)
@@ -98,6 +103,7 @@ def make_material(features: Features) -> SimpleNamespace:
         m.coat = i.coat
         m.coat_alpha = wp.max(i.coat_roughness * i.coat_roughness, MIN_ALPHA)
         m.opacity = i.opacity
+        m.normal = i.normal
         m.emission = i.emissive
         if base.presence != 0:
             m.emission = i.emissive * i.opacity
@@ -113,14 +119,7 @@ def make_material(features: Features) -> SimpleNamespace:
         return material
 
     @wp.func
-    def has_normal_map(scene: SceneView, triangle: int) -> bool:
-        row = scene.materials[scene.triangles[triangle].material].inputs
-        if row < 0:
-            return False
-        return scene.varying[0].inputs[row].normal_lookup >= 0
-
-    @wp.func
-    def tilted(scene: SceneView, hit: Hit, n: wp.vec3) -> wp.vec3:
+    def tilted(scene: SceneView, hit: Hit, material: MaterialView, n: wp.vec3) -> wp.vec3:
         """The unit normal `n` (of the front, in the world) turned by the normal map that the material has.
 
         The map's x and y go along the surface in the directions in which the texture coordinates grow:
@@ -129,8 +128,7 @@ def make_material(features: Features) -> SimpleNamespace:
         """
         triangle = hit.triangle
         varying = scene.varying
-        row = scene.materials[scene.triangles[triangle].material].inputs
-        lookup = varying[0].lookups[varying[0].inputs[row].normal_lookup]
+        lookup = varying[0].lookups[varying[0].inputs[material.inputs].normal_lookup]
         corners = scene.indices[triangle]
         p2 = scene.points[corners[2]]
         e0 = scene.points[corners[0]] - p2
@@ -139,9 +137,9 @@ def make_material(features: Features) -> SimpleNamespace:
             if hit.instance >= 0:
                 e0 = scene.instances[hit.instance].linear * e0
                 e1 = scene.instances[hit.instance].linear * e1
-        st2 = coordinates(varying[0].primvars, lookup, triangle, 0.0, 0.0)
-        d0 = coordinates(varying[0].primvars, lookup, triangle, 1.0, 0.0) - st2
-        d1 = coordinates(varying[0].primvars, lookup, triangle, 0.0, 1.0) - st2
+        st2 = corner_coordinates(varying[0].primvars, lookup, triangle, 2)
+        d0 = corner_coordinates(varying[0].primvars, lookup, triangle, 0) - st2
+        d1 = corner_coordinates(varying[0].primvars, lookup, triangle, 1) - st2
         determinant = d0[0] * d1[1] - d1[0] * d0[1]
         if determinant == 0.0:
             return n
@@ -155,9 +153,8 @@ def make_material(features: Features) -> SimpleNamespace:
         bitangent = wp.cross(n, tangent)
         if wp.dot(bitangent, along_t) < 0.0:
             bitangent = -bitangent
-        value = picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, hit.u, hit.v))
-        turned = tangent * value[0] + bitangent * value[1] + n * value[2]
+        turned = tangent * material.normal[0] + bitangent * material.normal[1] + n * material.normal[2]
         length = wp.length(turned)
         return wp.where(length > 0.0, turned / wp.max(length, 1.0e-20), n)
 
-    return SimpleNamespace(at=at, has_normal_map=has_normal_map, tilted=tilted)
+    return SimpleNamespace(at=at, tilted=tilted)

@@ -280,7 +280,7 @@ def make_path(features: Features) -> SimpleNamespace:
             if mixed == bounces:
                 path.direct += wp.cw_mul(beta, emission)
 
-            frame = intersect.shading_frame(scene, hit, wi)
+            frame = intersect.shading_frame(scene, hit, material, wi)
             wo = to_local(frame, -wi)
             if wp.static(has_events):
                 event = events.choose(material, wo[2], sampler.of_step(key, step, rng.EVENT)[0])

@@ -4,8 +4,6 @@ The functions take what they read and no more: Warp passes structs by value, and
 surfaces is therefore an array of one record.
 """
 
-from types import SimpleNamespace
-
 import warp as wp
 
 from warpmis.device.views import (
@@ -20,7 +18,6 @@ from warpmis.device.views import (
     TileView,
     VaryingView,
 )
-from warpmis.features import Features
 
 wp.set_module_options({"enable_backward": False})
 
@@ -37,12 +34,38 @@ def interpolated(primvars: wp.array3d(dtype=float), triangle: int, column: int, 
 
 
 @wp.func
-def coordinates(primvars: wp.array3d(dtype=float), lookup: LookupView, triangle: int, u: float, v: float) -> wp.vec2:
-    """The texture coordinates at which a lookup looks."""
-    s = interpolated(primvars, triangle, lookup.column, u, v)
-    t = interpolated(primvars, triangle, lookup.column + 1, u, v)
+def transformed(lookup: LookupView, s: float, t: float) -> wp.vec2:
+    """The place that a lookup looks at where the texture coordinates are (s, t)."""
     st = wp.vec3(s, t, 1.0)
     return wp.vec2(wp.dot(lookup.row_s, st), wp.dot(lookup.row_t, st))
+
+
+@wp.func
+def coordinates(primvars: wp.array3d(dtype=float), lookup: LookupView, triangle: int, u: float, v: float) -> wp.vec2:
+    """The place that a lookup looks at for a hit."""
+    s = interpolated(primvars, triangle, lookup.column, u, v)
+    t = interpolated(primvars, triangle, lookup.column + 1, u, v)
+    return transformed(lookup, s, t)
+
+
+@wp.func
+def corner_coordinates(primvars: wp.array3d(dtype=float), lookup: LookupView, triangle: int, corner: int) -> wp.vec2:
+    return transformed(lookup, primvars[triangle, corner, lookup.column], primvars[triangle, corner, lookup.column + 1])
+
+
+@wp.struct
+class Footprint:
+    """The four texels around a point: where they stand among those of their picture, and how much each counts.
+
+    tile: which of a lookup's tiles has them, or -1 where none does. Beyond a black border a texel counts nothing.
+    """
+
+    tile: int
+    upper_left: int
+    upper_right: int
+    lower_left: int
+    lower_right: int
+    weights: wp.vec4
 
 
 @wp.func
@@ -60,121 +83,118 @@ def wrapped(x: float, mode: int) -> float:
 
 @wp.func
 def wrapped_index(i: int, count: int, mode: int) -> int:
-    """A texel's index beside one that is in the picture; -1 where there is none."""
-    if i >= 0 and i < count:
-        return i
-    if mode == BLACK:
-        return -1
+    """A texel's index, of one in the picture or beside it."""
     if mode == REPEAT:
-        return wp.where(i < 0, i + count, i - count)
+        i = wp.where(i < 0, i + count, i)
+        i = wp.where(i >= count, i - count, i)
     return wp.clamp(i, 0, count - 1)
 
 
 @wp.func
-def place_of(tile: TileView, row: int, column: int) -> int:
-    """Where a texel stands among those of its picture, block by block."""
-    block = (row / BLOCK) * tile.blocks + column / BLOCK
-    return (block * BLOCK + row % BLOCK) * BLOCK + column % BLOCK
+def presence(i: int, count: int, mode: int) -> float:
+    """0 for a texel beyond a black border, else 1."""
+    return wp.where(mode == BLACK and (i < 0 or i >= count), 0.0, 1.0)
 
 
 @wp.func
-def texel(
-    texels: wp.array(dtype=wp.uint32), byte_values: wp.array(dtype=float), tile: TileView, row: int, column: int
-) -> wp.vec4:
-    """Linear red, green, blue and alpha; black where row or column is -1."""
-    if row < 0 or column < 0:
-        return wp.vec4(0.0, 0.0, 0.0, 0.0)
-    place = place_of(tile, row, column)
-    if tile.encoding == FLOATS:
-        first = tile.first + place * tile.channels
-        r = wp.cast(texels[first], float)
-        g = r
-        b = r
-        if tile.channels >= 3:
-            g = wp.cast(texels[first + 1], float)
-            b = wp.cast(texels[first + 2], float)
-        a = float(1.0)
-        if tile.channels % 2 == 0:
-            a = wp.cast(texels[first + tile.channels - 1], float)
-        return wp.vec4(r, g, b, a)
-    word = texels[tile.first + place]
-    table = wp.where(tile.encoding == SRGB_BYTES, 256, 0)
-    return wp.vec4(
-        byte_values[table + int(word & BYTE)],
-        byte_values[table + int((word >> wp.uint32(8)) & BYTE)],
-        byte_values[table + int((word >> wp.uint32(16)) & BYTE)],
-        byte_values[int(word >> wp.uint32(24))],
-    )
+def within_block(i: int, along: int, step: int) -> int:
+    """What a row or a column adds to a texel's place: `along` for each block before it, `step` within its own."""
+    return (i / BLOCK) * along + (i % BLOCK) * step
 
 
 @wp.func
-def bilinear(
-    texels: wp.array(dtype=wp.uint32),
-    byte_values: wp.array(dtype=float),
-    tile: TileView,
-    s: float,
-    t: float,
-    wrap_s: int,
-    wrap_t: int,
-) -> wp.vec4:
+def footprint_in(tile: TileView, s: float, t: float, wrap_s: int, wrap_t: int) -> Footprint:
     """Texel centres stand at half integers; t = 0 is the lower edge of the last row."""
     x = wrapped(s, wrap_s) * float(tile.columns) - 0.5
     y = (1.0 - wrapped(t, wrap_t)) * float(tile.rows) - 0.5
     column = int(wp.floor(x))
     row = int(wp.floor(y))
-    fx = x - float(column)
-    fy = y - float(row)
-    left = wrapped_index(column, tile.columns, wrap_s)
-    right = wrapped_index(column + 1, tile.columns, wrap_s)
-    upper = wrapped_index(row, tile.rows, wrap_t)
-    lower = wrapped_index(row + 1, tile.rows, wrap_t)
-    upper_left = texel(texels, byte_values, tile, upper, left)
-    upper_right = texel(texels, byte_values, tile, upper, right)
-    lower_left = texel(texels, byte_values, tile, lower, left)
-    lower_right = texel(texels, byte_values, tile, lower, right)
-    above = upper_left * (1.0 - fx) + upper_right * fx
-    below = lower_left * (1.0 - fx) + lower_right * fx
-    return above * (1.0 - fy) + below * fy
+    right = (x - float(column)) * presence(column + 1, tile.columns, wrap_s)
+    left = (float(column + 1) - x) * presence(column, tile.columns, wrap_s)
+    lower = (y - float(row)) * presence(row + 1, tile.rows, wrap_t)
+    upper = (float(row + 1) - y) * presence(row, tile.rows, wrap_t)
+    at_left = within_block(wrapped_index(column, tile.columns, wrap_s), BLOCK * BLOCK, 1)
+    at_right = within_block(wrapped_index(column + 1, tile.columns, wrap_s), BLOCK * BLOCK, 1)
+    block_row = tile.blocks * (BLOCK * BLOCK)
+    at_upper = within_block(wrapped_index(row, tile.rows, wrap_t), block_row, BLOCK)
+    at_lower = within_block(wrapped_index(row + 1, tile.rows, wrap_t), block_row, BLOCK)
+    f = Footprint()
+    f.upper_left = at_upper + at_left
+    f.upper_right = at_upper + at_right
+    f.lower_left = at_lower + at_left
+    f.lower_right = at_lower + at_right
+    f.weights = wp.vec4(upper * left, upper * right, lower * left, lower * right)
+    return f
 
 
 @wp.func
-def picture_value(varying: wp.array(dtype=VaryingView), lookup: LookupView, st: wp.vec2) -> wp.vec4:
-    """scale * texel + bias at texture coordinates; in a UDIM picture of the tile that they are in."""
+def footprint(varying: wp.array(dtype=VaryingView), lookup: LookupView, st: wp.vec2) -> Footprint:
+    """The texels of a lookup at texture coordinates; in a UDIM picture those of the tile that they are in."""
     s = st[0]
     t = st[1]
-    index = lookup.tile
+    index = int(0)
     if lookup.udim_rows > 0:
         column = wp.floor(s)
         row = wp.floor(t)
-        if column < 0.0 or row < 0.0 or column >= float(UDIM_COLUMNS) or row >= float(lookup.udim_rows):
-            return lookup.fallback
-        index += int(row) * UDIM_COLUMNS + int(column)
+        index = -1
+        if column >= 0.0 and row >= 0.0 and column < float(UDIM_COLUMNS) and row < float(lookup.udim_rows):
+            index = int(row) * UDIM_COLUMNS + int(column)
         s = s - column
         t = t - row
-    tile = varying[0].tiles[index]
-    if tile.rows == 0:
-        return lookup.fallback
-    value = bilinear(varying[0].texels, varying[0].byte_values, tile, s, t, lookup.wrap_s, lookup.wrap_t)
-    return wp.cw_mul(value, lookup.scale) + lookup.bias
+    tile = varying[0].tiles[lookup.tile + wp.max(index, 0)]
+    f = footprint_in(tile, s, t, lookup.wrap_s, lookup.wrap_t)
+    f.tile = wp.where(tile.rows == 0, -1, index)
+    return f
 
 
-def make_texture(features: Features) -> SimpleNamespace:
-    """The lookup for what varies in `features`: value."""
+@wp.func
+def filtered(varying: wp.array(dtype=VaryingView), tile: TileView, f: Footprint, channel: int) -> float:
+    """Red, green, blue or alpha (0 to 3) of a picture, linear, interpolated between the footprint's texels."""
+    texels = varying[0].texels
+    if tile.encoding == FLOATS:
+        if channel == 3 and tile.channels % 2 == 1:
+            return f.weights[0] + f.weights[1] + f.weights[2] + f.weights[3]
+        first = tile.first + wp.where(channel == 3, tile.channels - 1, wp.where(tile.channels >= 3, channel, 0))
+        return (
+            wp.cast(texels[first + f.upper_left * tile.stride], float) * f.weights[0]
+            + wp.cast(texels[first + f.upper_right * tile.stride], float) * f.weights[1]
+            + wp.cast(texels[first + f.lower_left * tile.stride], float) * f.weights[2]
+            + wp.cast(texels[first + f.lower_right * tile.stride], float) * f.weights[3]
+        )
+    byte_values = varying[0].byte_values
+    table = wp.where(tile.encoding == SRGB_BYTES and channel < 3, 256, 0)
+    shift = wp.uint32(8 * channel)
+    return (
+        byte_values[table + int((texels[tile.first + f.upper_left * tile.stride] >> shift) & BYTE)] * f.weights[0]
+        + byte_values[table + int((texels[tile.first + f.upper_right * tile.stride] >> shift) & BYTE)] * f.weights[1]
+        + byte_values[table + int((texels[tile.first + f.lower_left * tile.stride] >> shift) & BYTE)] * f.weights[2]
+        + byte_values[table + int((texels[tile.first + f.lower_right * tile.stride] >> shift) & BYTE)] * f.weights[3]
+    )
 
-    @wp.func
-    def value(varying: wp.array(dtype=VaryingView), row: int, triangle: int, u: float, v: float) -> wp.vec4:
-        """All channels of a lookup, not clamped; of a primvar that is a number, the first."""
-        lookup = varying[0].lookups[row]
-        if wp.static(features.vertex_colors):
-            if lookup.tile < 0:
-                red = interpolated(varying[0].primvars, triangle, lookup.column, u, v)
-                if lookup.channel != RGB:
-                    return wp.vec4(red, 0.0, 0.0, 1.0)
-                green = interpolated(varying[0].primvars, triangle, lookup.column + 1, u, v)
-                blue = interpolated(varying[0].primvars, triangle, lookup.column + 2, u, v)
-                return wp.vec4(red, green, blue, 1.0)
-        if wp.static(features.textures):
-            return picture_value(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
-        return wp.vec4(0.0, 0.0, 0.0, 1.0)
 
-    return SimpleNamespace(value=value)
+@wp.func
+def picture_value(varying: wp.array(dtype=VaryingView), lookup: LookupView, f: Footprint) -> wp.vec3:
+    """scale * texel + bias of a lookup's channels; of a number, in each component."""
+    value = lookup.fallback
+    if f.tile >= 0:
+        tile = varying[0].tiles[lookup.tile + f.tile]
+        channel = lookup.channel
+        first = filtered(varying, tile, f, wp.max(channel, 0))
+        second = first
+        third = first
+        if channel == RGB:
+            second = filtered(varying, tile, f, 1)
+            third = filtered(varying, tile, f, 2)
+        value = wp.cw_mul(wp.vec3(first, second, third), lookup.scale) + lookup.bias
+    return value
+
+
+@wp.func
+def primvar_value(primvars: wp.array3d(dtype=float), lookup: LookupView, triangle: int, u: float, v: float) -> wp.vec3:
+    """A primvar at a hit; a number in each component."""
+    red = interpolated(primvars, triangle, lookup.column, u, v)
+    if lookup.channel != RGB:
+        return wp.vec3(red, red, red)
+    green = interpolated(primvars, triangle, lookup.column + 1, u, v)
+    blue = interpolated(primvars, triangle, lookup.column + 2, u, v)
+    return wp.vec3(red, green, blue)
