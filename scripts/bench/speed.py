@@ -142,7 +142,7 @@ def solver(scene: warpmis.Scene, method: str, repeats: int) -> Figure:
             for part in schedule(config):
                 run.trace(part, lambda samples: None)
                 if part.learn:
-                    solving += cpu_seconds(run.solve)
+                    solving += cpu_seconds(lambda samples=part.samples: run.solve(samples))
 
         whole = cpu_seconds(rounds)
         return solving / whole
