@@ -11,7 +11,7 @@ d_i = e_i / mean(e) - b_i / mean(b) for seed i,
 
 bounds it from either side at 99 % each (Student's t, delta method; the 1 % is shared among the looks). The seeds are
 doubled until the upper bound is below 1.1 ("never loses"), the lower one above it ("loses"), or there are as many as
-allowed ("open"). Where single paths decide, errors have heavy tails: below 30 seeds' worth of errors,
+allowed ("open"). An error that is no more than float32's rounding is no loss. Where single paths decide, errors have heavy tails: below 30 seeds' worth of errors,
 (sum e)^2 / sum e^2 of either method, nothing is decided.
 """
 
@@ -34,6 +34,7 @@ import warpmis
 from warpmis.config import DEFAULT_STRATEGIES
 from warpmis.features import Features
 from warpmis.metrics import squared_error, squared_scale
+from warpmis.stopping import FLOAT32_FLOOR
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from hard.case import HardCase
@@ -54,7 +55,7 @@ Render = Callable[[str, int], NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class Verdict:
-    """Ratio of variances, its bounds at 99 % each; relative error of balance; number of seeds."""
+    """Ratio of variances, its bounds at 99 % each; relative errors of balance and of the method; number of seeds."""
 
     case: str
     method: str
@@ -62,11 +63,12 @@ class Verdict:
     low: float
     high: float
     error: float
+    own_error: float
     seeds: int
 
     @property
     def word(self) -> str:
-        if self.high <= LIMIT:
+        if self.high <= LIMIT or self.own_error < FLOAT32_FLOOR:
             return "never loses"
         return "loses" if self.low > LIMIT else "open"
 
@@ -80,11 +82,11 @@ def judged(case: str, method: str, errors: FloatArray, base: FloatArray, confide
     """Of both methods' errors, seed by seed."""
     n = len(errors)
     if not base.any() and not errors.any():
-        return Verdict(case, method, 1.0, 1.0, 1.0, 0.0, n)
-    error = math.sqrt(base.mean())
+        return Verdict(case, method, 1.0, 1.0, 1.0, 0.0, 0.0, n)
+    error, own_error = math.sqrt(base.mean()), math.sqrt(errors.mean())
     if not base.any() or not errors.any():
         ratio = math.inf if errors.any() else 0.0
-        return Verdict(case, method, ratio, ratio, ratio, error, n)
+        return Verdict(case, method, ratio, ratio, ratio, error, own_error, n)
     # Where even the worst error is below the mean of the baseline's, its tail cannot matter.
     worth = effective(base) if errors.max() <= base.mean() else min(effective(errors), effective(base))
     ratio = errors.mean() / base.mean()
@@ -93,7 +95,7 @@ def judged(case: str, method: str, errors: FloatArray, base: FloatArray, confide
     low, high = ratio * math.exp(-reach), ratio * math.exp(reach)
     if worth < FEWEST_EFFECTIVE and not np.array_equal(errors, base):
         low, high = 0.0, math.inf
-    return Verdict(case, method, float(ratio), low, high, error, n)
+    return Verdict(case, method, float(ratio), low, high, error, own_error, n)
 
 
 def errors_of(pictures: list[FloatArray], scale: FloatArray) -> FloatArray:
