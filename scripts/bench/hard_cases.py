@@ -11,8 +11,8 @@ d_i = e_i / mean(e) - b_i / mean(b) for seed i,
 
 bounds it from either side at 99 % each (Student's t, delta method; the 1 % is shared among the looks). The seeds are
 doubled until the upper bound is below 1.1 ("never loses"), the lower one above it ("loses"), or there are as many as
-allowed ("open"). An error that is no more than float32's rounding is no loss. Where single paths decide, errors have heavy tails: below 30 seeds' worth of errors,
-(sum e)^2 / sum e^2 of either method, nothing is decided.
+allowed ("open"). An error that is no more than float32's rounding is no loss. Where single paths decide, errors have
+heavy tails: below 30 seeds' worth of errors, (sum e)^2 / sum e^2 of either method, nothing is decided.
 """
 
 from __future__ import annotations
