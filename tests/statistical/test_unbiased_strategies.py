@@ -66,10 +66,10 @@ POWER = {
 }
 
 
-def check(name: str, chosen: list[Subset]) -> None:
+def check(name: str, chosen: list[Subset], spp: int = SPP) -> None:
     random = np.random.default_rng(3)
     level = sidak(SIGNIFICANCE, len(SCENES) * len(chosen) * REGIONS)
-    settings: dict[str, Any] = {"method": "fixed", "strategies": STRATEGIES, "spp": SPP}
+    settings: dict[str, Any] = {"method": "fixed", "strategies": STRATEGIES, "spp": spp}
     reference = estimates(name, SEEDS, **settings, allocation=tuple(np.full(8, 1 / 8)))
     disagreements, caught = [], []
     for subset in chosen:
@@ -93,7 +93,7 @@ def test_mixtures_agree_where_a_light_is_hidden() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_mixtures_agree(name: str) -> None:
-    check(name, subsets())
+    check(name, subsets(), 2 * SPP)
 
 
 @pytest.mark.parametrize("name", ["hidden_light", "open_terrace"])
