@@ -22,6 +22,11 @@ SPP = 128
 SIGNIFICANCE = 0.01
 LEAST_COMPLETE = 0.3
 LARGER = 12
+# Without these, what the glossy plates mirror and what the sun lights is met by one sample in many thousands: means of
+# so few pictures are then below the truth more often than not, and no t-test may be asked. All subsets of these scenes
+# are mixed with them.
+NEEDED = {"veach_plates": ("bsdf",), "open_terrace": ("bsdf", "light")}
+LEAST_NEEDED = 0.2
 
 Subset = tuple[str, ...]
 
@@ -72,11 +77,13 @@ def check(name: str, chosen: list[Subset], spp: int = SPP) -> None:
     settings: dict[str, Any] = {"method": "fixed", "strategies": STRATEGIES, "spp": spp}
     reference = estimates(name, SEEDS, **settings, allocation=tuple(np.full(8, 1 / 8)))
     disagreements, caught = [], []
+    needed = NEEDED.get(name, ())
     for subset in chosen:
-        shares = random_shares(subset, random)
+        shares = (1.0 - LEAST_NEEDED * len(needed)) * random_shares(subset, random)
+        shares[[STRATEGIES.index(strategy) for strategy in needed]] += LEAST_NEEDED
         found = estimates(name, SEEDS, **settings, allocation=tuple(shares))
         p = paired_p_values(found, reference)
-        label = ", ".join(f"{name} {shares[STRATEGIES.index(name)]:.2f}" for name in subset)
+        label = ", ".join(f"{name} {shares[STRATEGIES.index(name)]:.2f}" for name in {*subset, *needed})
         disagreements += [f"{label}, region {i}: p = {p[i]:.2g}" for i in range(REGIONS) if p[i] < level]
         caught.append(caught_bias(found, reference, level))
     assert not disagreements, f"{name}: {disagreements}"
@@ -93,7 +100,7 @@ def test_mixtures_agree_where_a_light_is_hidden() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_mixtures_agree(name: str) -> None:
-    check(name, subsets(), 2 * SPP)
+    check(name, subsets(), (4 if name == "open_terrace" else 2) * SPP)
 
 
 @pytest.mark.parametrize("name", ["hidden_light", "open_terrace"])
