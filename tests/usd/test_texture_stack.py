@@ -96,16 +96,16 @@ def test_frames_with_equal_pictures_share_their_texels_on_the_device(tmp_path):
     """A frame is read anew, other arrays with the same contents; one byte that differs is another picture."""
     uploads = Uploads()
     first = upload(scene_of(tmp_path, MATERIAL), "cpu", uploads=uploads)
-    texels = uploads.texels
+    texels = uploads.texels.made
     rough = lookup(PACKED.copy(), "g")
     again = dataclasses.replace(
         MATERIAL, roughness=rough, opacity=dataclasses.replace(rough, channels="a"), metallic=0.7
     )
     second = upload(scene_of(tmp_path, again), "cpu", uploads=uploads)
-    assert uploads.texels is texels
+    assert uploads.texels.made is texels
     assert first.owned[-1].texels.ptr == second.owned[-1].texels.ptr == texels.ptr
     changed = COLOR.copy()
     changed[2, 3, 1] ^= 1
     other = dataclasses.replace(again, diffuse_color=lookup(changed, is_srgb=True))
     upload(scene_of(tmp_path, other), "cpu", uploads=uploads)
-    assert np.count_nonzero(uploads.texels.numpy() != texels.numpy()) == 1
+    assert np.count_nonzero(uploads.texels.made.numpy() != texels.numpy()) == 1

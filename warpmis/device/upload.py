@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -61,8 +61,7 @@ def upload(
         ConfigError: the machine lacks the device.
     """
     check_device(device)
-    uploads = uploads or Uploads()
-    solids = uploads.solids_of(scene, device)
+    solids = uploads.solids_of(scene, device) if uploads else upload_solids(scene, device)
     geometry = solids.geometry
     tables = light_tables(scene, solids.in_world)
     with wp.ScopedDevice(device):
@@ -94,6 +93,22 @@ class Solids:
 
 
 @dataclass(eq=False)
+class Kept:
+    """The last thing made of some arrays for a device."""
+
+    key: tuple[str, bytes] | None = None
+    made: Any = None
+
+    def of(self, arrays: Iterable[tuple[str, NDArray[Any]]], device: str, make: Callable[[], Any]) -> Any:
+        """What is kept if it was made of such arrays, else what `make` does."""
+        key = (device, fingerprint(arrays))
+        if self.made is None or key != self.key:
+            self.made = None  # before the next one is made: there may be room for one alone
+            self.key, self.made = key, make()
+        return self.made
+
+
+@dataclass(eq=False)
 class Uploads:
     """What a render has put on a device, for the next one to use again where triangles or pictures are the same.
 
@@ -101,25 +116,17 @@ class Uploads:
     textures are packed and copied once.
     """
 
-    key: tuple[str, bytes] | None = None
-    solids: Solids | None = None
-    texels_key: tuple[str, bytes] | None = None
-    texels: Any = None
+    solids: Kept = field(default_factory=Kept)
+    texels: Kept = field(default_factory=Kept)
 
     def solids_of(self, scene: Scene, device: str) -> Solids:
-        key = (device, fingerprint(columns_of(scene)))
-        if self.solids is None or key != self.key:
-            self.solids = None  # before the next ones are built: there may be room for one set alone
-            self.key, self.solids = key, upload_solids(scene, device)
-        return self.solids
+        solids: Solids = self.solids.of(columns_of(scene), device, lambda: upload_solids(scene, device))
+        return solids
 
     def texels_of(self, tables: MaterialTables, device: str) -> Any:
         """The texels of the tables' pictures on the device."""
         arrays = [(f"{i}", pixels) for i, stack in enumerate(tables.stacks) for pixels in stack]
-        key = (device, fingerprint(arrays))
-        if key != self.texels_key:
-            self.texels_key, self.texels = key, wp.array(texels_of(tables.stacks), dtype=wp.uint32, device=device)
-        return self.texels
+        return self.texels.of(arrays, device, lambda: upload_texels(tables, device))
 
 
 def columns_of(scene: Scene) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -135,6 +142,10 @@ def fingerprint(arrays: Iterable[tuple[str, NDArray[Any]]]) -> bytes:
         found.update(f"{name} {array.dtype} {array.shape}".encode())
         found.update(np.ascontiguousarray(array).data)
     return found.digest()
+
+
+def upload_texels(tables: MaterialTables, device: str) -> Any:
+    return wp.array(texels_of(tables.stacks), dtype=wp.uint32, device=device)
 
 
 def upload_solids(scene: Scene, device: str) -> Solids:
@@ -186,7 +197,7 @@ def upload_ids(view: SceneView, geometry: Geometry) -> None:
 
 
 def upload_surfaces(
-    view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables, uploads: Uploads, device: str
+    view: SceneView, scene: Scene, geometry: Geometry, tables: LightTables, uploads: Uploads | None, device: str
 ) -> VaryingView | None:
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
@@ -196,7 +207,8 @@ def upload_surfaces(
     columns = {"normals": geometry.normal_indices, "material": material, "light": light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
     materials = material_tables(scene)
-    return upload_materials(view, materials, uploads.texels_of(materials, device), geometry.primvars)
+    texels = uploads.texels_of(materials, device) if uploads else upload_texels(materials, device)
+    return upload_materials(view, materials, texels, geometry.primvars)
 
 
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:
