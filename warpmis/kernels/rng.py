@@ -40,6 +40,11 @@ def to_unit(bits: wp.uint32) -> float:
 
 
 @wp.func
+def to_unit4(bits: wp.vec4ui) -> wp.vec4:
+    return wp.vec4(to_unit(bits[0]), to_unit(bits[1]), to_unit(bits[2]), to_unit(bits[3]))
+
+
+@wp.func
 def bits4(seed: wp.uint32, pixel: wp.uint32, sample: wp.uint32, block: int) -> wp.vec4ui:
     """Four independent hashes.
 
@@ -69,8 +74,7 @@ def bits4(seed: wp.uint32, pixel: wp.uint32, sample: wp.uint32, block: int) -> w
 @wp.func
 def uniform4(key: RngKey, block: int) -> wp.vec4:
     """Four independent numbers in [0, 1)."""
-    bits = bits4(key.seed, key.pixel, key.sample, block)
-    return wp.vec4(to_unit(bits[0]), to_unit(bits[1]), to_unit(bits[2]), to_unit(bits[3]))
+    return to_unit4(bits4(key.seed, key.pixel, key.sample, block))
 
 
 def lattice_step(count: int) -> int:

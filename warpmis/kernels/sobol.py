@@ -13,7 +13,7 @@ Sequences with Better Two-Dimensional Projections"; Burley (2020), "Practical Ha
 
 import warp as wp
 
-from warpmis.kernels.rng import BLOCKS, RngKey, bits4, to_unit
+from warpmis.kernels.rng import BLOCKS, RngKey, bits4, to_unit4
 
 wp.set_module_options({"enable_backward": False})
 
@@ -23,8 +23,13 @@ SHUFFLE = wp.constant(1 << 30)
 
 
 @wp.func
+def halves_swapped(x: wp.uint32) -> wp.uint32:
+    return (x >> wp.uint32(16)) | (x << wp.uint32(16))
+
+
+@wp.func
 def reversed_bits(x: wp.uint32) -> wp.uint32:
-    y = (x >> wp.uint32(16)) | (x << wp.uint32(16))
+    y = halves_swapped(x)
     y = ((y >> wp.uint32(8)) & wp.uint32(0x00FF00FF)) | ((y & wp.uint32(0x00FF00FF)) << wp.uint32(8))
     y = ((y >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F)) | ((y & wp.uint32(0x0F0F0F0F)) << wp.uint32(4))
     y = ((y >> wp.uint32(2)) & wp.uint32(0x33333333)) | ((y & wp.uint32(0x33333333)) << wp.uint32(2))
@@ -91,11 +96,6 @@ def sobol4(index: wp.uint32) -> wp.vec4ui:
 
 
 @wp.func
-def halves_swapped(x: wp.uint32) -> wp.uint32:
-    return (x >> wp.uint32(16)) | (x << wp.uint32(16))
-
-
-@wp.func
 def seeds4(key: RngKey, block: int) -> wp.vec4ui:
     """Seeds of scrambles, the same for all samples of a round.
 
@@ -111,11 +111,13 @@ def point4(key: RngKey, block: int) -> wp.vec4:
     """Four numbers in [0, 1); over a round's samples the first two are a (0, 2)-sequence."""
     seeds = seeds4(key, block)
     x = sobol4(shuffled(key.sample - key.round, seeds4(key, block ^ SHUFFLE)[0]))
-    return wp.vec4(
-        to_unit(reversed_bits(scrambled(x[0], seeds[0]))),
-        to_unit(reversed_bits(scrambled(x[1], seeds[1]))),
-        to_unit(reversed_bits(scrambled(x[2], seeds[2]))),
-        to_unit(reversed_bits(scrambled(x[3], seeds[3]))),
+    return to_unit4(
+        wp.vec4ui(
+            reversed_bits(scrambled(x[0], seeds[0])),
+            reversed_bits(scrambled(x[1], seeds[1])),
+            reversed_bits(scrambled(x[2], seeds[2])),
+            reversed_bits(scrambled(x[3], seeds[3])),
+        )
     )
 
 
