@@ -57,6 +57,17 @@ def inset_of(e1: wp.vec3, e2: wp.vec3, offset: float) -> float:
 
 
 @wp.func
+def facing(hit: Hit, ng: wp.vec3, wi: wp.vec3) -> Hit:
+    """The hit with the normal of its triangle's front, turned to the side of the ray's origin."""
+    hit.outside = 1
+    if wp.dot(ng, wi) > 0.0:
+        ng = -ng
+        hit.outside = 0
+    hit.ng = ng
+    return hit
+
+
+@wp.func
 def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
     hit = Hit()
     hit.distance = INFINITE_DISTANCE
@@ -75,10 +86,4 @@ def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
     hit.offset = OFFSET * wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
     # Warp's weights: u for the first corner, v for the second.
     hit.p = inner_point(p0, p1, p2, query.u, query.v, inset_of(p1 - p0, p2 - p0, hit.offset))
-    ng = normal_of_edges(p1 - p0, p2 - p0)
-    hit.outside = 1
-    if wp.dot(ng, wi) > 0.0:
-        ng = -ng
-        hit.outside = 0
-    hit.ng = ng
-    return hit
+    return facing(hit, normal_of_edges(p1 - p0, p2 - p0), wi)

@@ -8,7 +8,7 @@ import warp as wp
 
 from warpmis.device.views import InstanceView, SceneView
 from warpmis.kernels.frame import max_abs, normal_of_edges
-from warpmis.kernels.hit import OFFSET, Hit, closest_hit, inner_point, inset_of
+from warpmis.kernels.hit import OFFSET, Hit, closest_hit, facing, inner_point, inset_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -123,13 +123,7 @@ def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
     # The offset is the world's, and so are the edges that it is held against.
     inset = inset_of(instance.linear * (p1 - p0), instance.linear * (p2 - p0), hit.offset)
     hit.p = instance.linear * inner_point(p0, p1, p2, hit.u, hit.v, inset) + instance.translation
-    ng = wp.normalize(carried)
-    hit.outside = 1
-    if wp.dot(ng, wi) > 0.0:
-        ng = -ng
-        hit.outside = 0
-    hit.ng = ng
-    return hit
+    return facing(hit, wp.normalize(carried), wi)
 
 
 @wp.func
