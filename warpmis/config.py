@@ -79,7 +79,8 @@ class RenderConfig:
         target_error: render until the relative error (metrics.py) is below this, 0.01 is 1 % (stopping.py).
         time_limit: render until learning and rendering have taken so long [s].
         threads: CPU threads; None takes what the process may use.
-        strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, "random" draws each anew.
+        strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, and over the lights and lobes
+            that the first vertex chooses among; "random" draws each anew.
         sampler: "independent" numbers, or those of a scrambled "sobol" sequence, which fills each pixel more evenly.
         ids: also tell which prim, place and face the middle of each pixel sees.
         mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.

@@ -31,8 +31,9 @@ class RenderResult:
         depth: mean distance along the viewing axis to the first hit [scene units],
             shape (H, W) float32.
         samples: number of samples, shape (H, W).
-        variance: variance of one sample's luminance estimate, shape (H, W) float32; of the sampler "sobol" that of
-            independent samples, which those of a sequence do better than.
+        variance: variance of one sample's luminance estimate, shape (H, W) float32. A picture of samples that are
+            spread evenly (the strategy choice "stratified", the sampler "sobol") has less noise than as many
+            independent ones.
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.
         round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.
@@ -84,7 +85,8 @@ class RenderResult:
         """The relative error that the picture's own samples lead one to expect: 0.02 is 2 % (see metrics.py).
 
         As a stopping rule told it, if there was one. Else from the spread of single samples' luminance, which misses
-        noise of colour alone, and fireflies as long as they outshine their pixel: too low by a quarter at times.
+        noise of colour alone, and fireflies as long as they outshine their pixel: too low by a quarter at times. Too
+        high where samples are spread evenly over several lights.
         """
         if "relative_error" in self.stats.get("stopping", {}):
             return float(self.stats["stopping"]["relative_error"])

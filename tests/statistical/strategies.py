@@ -65,16 +65,20 @@ def draw(
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
     u_light = rng.uniform4_of_step(key, 0, rng.LIGHT)
-    r = lights.receiver(scene, x, n, u_light[0])
-    frame = frame_from_normal(n)
-    s = surface.prepare(scene.materials[2 * material], wo)
+    u_scatter = rng.uniform4_of_step(key, 0, rng.SCATTER)
     d = Drawn()
     d.strategy = strategy
     if strategy == MIXTURE:
-        d.strategy = strategies.choose(allocation, rng.uniform4(key, rng.CAMERA)[2])
+        # As the path does it: what is left of the number that chose the strategy chooses the light and the lobe.
+        u_strategy = rng.uniform4(key, rng.CAMERA)[2]
+        d.strategy = strategies.choose(allocation, u_strategy)
         d.q = strategies.drawn_by(d.strategy, allocation)
+        u_light[0] = strategies.left_of(allocation, d.strategy, u_strategy)
+        u_scatter[0] = u_light[0]
+    r = lights.receiver(scene, x, n, u_light[0])
+    frame = frame_from_normal(n)
+    s = surface.prepare(scene.materials[2 * material], wo)
     if strategy != LOOK:
-        u_scatter = rng.uniform4_of_step(key, 0, rng.SCATTER)
         wis[i] = strategies.sample(scene, r, frame, s, d.strategy, u_scatter, u_light).wi
     wi = wis[i]
     local = to_local(frame, wi)

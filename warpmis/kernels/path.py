@@ -209,8 +209,8 @@ def make_path(features: Features) -> SimpleNamespace:
     ) -> PathSample:
         """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit.
 
-        Surfaces beyond `reach` are not in view. u_strategy chooses the strategy of the mixture's direction. learns:
-        not 0 where something is to be learned from pairs.
+        Surfaces beyond `reach` are not in view. u_strategy chooses at the first vertex that scatters: the strategy of
+        the mixture's direction, then a light and a lobe. learns: not 0 where something is to be learned from pairs.
         """
         path = PathSample()
         path.throughput = 1.0
@@ -228,6 +228,7 @@ def make_path(features: Features) -> SimpleNamespace:
         bounces = int(0)
         early = wp.vec3(0.0, 0.0, 0.0)
         survived = float(1.0)
+        u_choice = float(u_strategy)  # until the first vertex that scatters has used it: then less than 0
 
         for step in range(max_depth + 1 + MAX_PASSED):
             hit = intersect.closest_hit(scene, start, wi)
@@ -314,16 +315,28 @@ def make_path(features: Features) -> SimpleNamespace:
                     continue
 
             u_light = sampler.of_step(key, step, rng.LIGHT)
+            u_scatter = sampler.of_step(key, step, rng.SCATTER)
+            u_delta = wp.vec4()
+            if wp.static(features.delta_light):
+                u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)
+            strategy = int(-1)
+            if u_choice >= 0.0:
+                if wp.static(has_mixture):
+                    strategy = strategies.choose(allocation, u_choice)
+                    u_choice = strategies.left_of(allocation, strategy, u_choice)
+                if wp.static(features.sampler == "independent"):
+                    u_light[0] = u_choice
+                    u_scatter[0] = u_choice
+                    u_delta[0] = u_strategy
+                u_choice = -1.0
             r = lights.receiver(scene, start, frame.n, u_light[0])
             if wp.static(features.controlled):
                 r.prim = lights.control.prim_of(scene, hit)
             s = surface.prepare(material, wo)
             if wp.static(features.delta_light):
-                u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)
                 from_delta = delta_light(scene, r, frame, hit.ng, s, u_delta[0])
                 L += wp.cw_mul(beta, from_delta.radiance)
                 path.shadow_rays += from_delta.rays
-            u_scatter = sampler.of_step(key, step, rng.SCATTER)
             arrival = WEIGHTED
             if wp.static(has_mixture):
                 if mixed < 0:
@@ -336,7 +349,6 @@ def make_path(features: Features) -> SimpleNamespace:
                         if not strategies.is_shared(allocation):
                             arrival = wp.where(learns != 0, PAIRED, WEIGHTED)
                 if arrival == MIXTURE:
-                    strategy = strategies.choose(allocation, u_strategy)
                     # Until the direction's densities are known the path is of the strategy that drew it alone.
                     path.q = strategies.drawn_by(strategy, allocation)
                     drawn = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)

@@ -22,6 +22,9 @@ from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere, square_to
 
 wp.set_module_options({"enable_backward": False})
 
+# The largest float32 below 1.
+LARGEST = wp.constant(1.0 - 2.0**-24)
+
 
 def make_strategies(features: Features, surface: SimpleNamespace, lights: SimpleNamespace) -> SimpleNamespace:
     """Functions over the S = len(features.strategies) strategies; type vec_s.
@@ -50,6 +53,18 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
                 chosen = s
             reached += allocation[s]
         return chosen
+
+    @wp.func
+    def left_of(allocation: vec_s, strategy: int, u: float) -> float:
+        """Where within its strategy's share the number u lies that chose it: uniform in [0, 1) again, and as evenly
+        spread over the strategy's samples as u over all. u itself where there is no strategy (-1)."""
+        reached = float(0.0)
+        left = u
+        for s in range(wp.static(count)):
+            if s == strategy:
+                left = (u - reached) / allocation[s]
+            reached += allocation[s]
+        return wp.clamp(left, 0.0, LARGEST)
 
     @wp.func
     def drawn_by(strategy: int, allocation: vec_s) -> vec_s:
@@ -159,6 +174,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
     return SimpleNamespace(
         is_shared=is_shared,
         choose=choose,
+        left_of=left_of,
         drawn_by=drawn_by,
         sample=sample,
         vertex_densities=vertex_densities,

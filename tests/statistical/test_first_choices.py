@@ -1,0 +1,96 @@
+"""What one number of the lattice decides at the first vertex: the strategy, and within it the light and the lobe.
+
+Each light and each lobe gets its part of a pixel's samples to within one, so that nothing is left of the noise that
+choosing at random makes. A light of one colour beside one of another shows it: who was chosen colours the sample.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpmis
+from warpmis.device.views import SceneView
+from warpmis.features import Features
+from warpmis.kernels.bsdf.surface import make_surface
+from warpmis.kernels.light.table import make_lights
+from warpmis.kernels.rng import RngKey, lattice, lattice_step
+from warpmis.kernels.strategies import make_strategies
+from warpmis.scene import Camera, DistantLight, DomeLight, Light, Material, Scene
+
+features = Features.all().with_strategies(("bsdf", "light", "cosine"))
+strategies = make_strategies(features, make_surface(features), make_lights(features))
+vec_s = strategies.vec_s
+
+SPP = 64
+SEEDS = 24
+# Luminances of 3 to 1: the red light gets 48 of 64 samples, the blue one 16.
+RED_LIGHT = np.array([3.0 / 0.2126, 0.0, 0.0])
+BLUE_LIGHT = np.array([0.0, 0.0, 1.0 / 0.0722])
+
+
+@wp.kernel(enable_backward=False)
+def choose_all(
+    scene: SceneView, allocation: vec_s, step: wp.uint32, chosen: wp.array(dtype=int), left: wp.array(dtype=float)
+):
+    key = RngKey()
+    key.sample = wp.uint32(wp.tid())
+    u = lattice(key, step)
+    strategy = strategies.choose(allocation, u)
+    chosen[wp.tid()] = strategy
+    left[wp.tid()] = strategies.left_of(allocation, strategy, u)
+
+
+@pytest.mark.parametrize("shares", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
+def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tuple[float, ...]) -> None:
+    chosen, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
+    wp.launch(choose_all, SPP, [SceneView(), vec_s(*shares), lattice_step(SPP), chosen, left])
+    by, numbers = chosen.numpy(), left.numpy().astype(float)
+    assert numbers.min() >= 0.0 and numbers.max() < 1.0
+    whole = sum(shares) > 0.0
+    for strategy, share in enumerate(shares) if whole else [(-1, 1.0)]:
+        own = np.sort(numbers[by == strategy])
+        assert len(own) == round(share * SPP)
+        if len(own):
+            np.testing.assert_allclose(np.diff(own, append=own[0] + 1.0), 1.0 / len(own), atol=1e-5)
+
+
+def floor_under(lights: list[Light], material: Material = scenes.WHITE) -> Scene:
+    """One pixel of an endless floor, seen from above."""
+    corners = np.array([(-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9)], dtype=np.float32)
+    view: Camera = scenes.camera((0, 1, 0), (0, 0, 0), half_width=0.01)
+    return scenes.scene(scenes.quads([(corners, 0)]), [material], lights, view, pixels=1)
+
+
+def distant(radiance: np.ndarray, half_angle: float, side: float) -> DistantLight:
+    """To one side of the vertical: a ray that meets one of two such lights does not meet the other."""
+    return DistantLight("/distant", np.array([0.6 * side, 0.8, 0.0]), half_angle, radiance)
+
+
+def spread(scene: Scene, channel: int, **settings: object) -> float:
+    """Relative standard deviation of one colour over the seeds."""
+    values = [
+        warpmis.render(scene, spp=SPP, seed=seed, max_depth=1, **settings).image[0, 0, channel] for seed in range(SEEDS)
+    ]
+    assert np.mean(values) > 0.0
+    return float(np.std(values, ddof=1) / np.mean(values))
+
+
+@pytest.mark.parametrize("half_angle", [0.0, 0.01])
+@pytest.mark.parametrize("settings", [{"method": "nee"}, {"method": "fixed", "allocation": (0.5, 0.5)}])
+def test_each_light_gets_its_part_of_the_samples(half_angle: float, settings: dict[str, object]) -> None:
+    """Exactly, since it is a whole number; at random it is one of 16 more or less than that, by a fifth."""
+    scene = floor_under([distant(RED_LIGHT, half_angle, 1.0), distant(BLUE_LIGHT, half_angle, -1.0)])
+    at_random = spread(scene, 2, strategy_choice="random", **settings)
+    assert 0.1 < at_random < 0.5  # sqrt(3 / 64) = 0.22 by next-event estimation, more where half are drawn by the BSDF
+    assert spread(scene, 2, **settings) < 0.02 * at_random
+
+
+def test_each_lobe_gets_its_part_of_the_samples() -> None:
+    """To within one: what the specular lobe sends on is blue, and none of the diffuse lobe's is."""
+    material = Material("/lacquer", diffuse_color=(0.5, 0.0, 0.0), roughness=0.1, ior=2.0)
+    scene = floor_under([DomeLight("/dome", np.eye(3), np.ones(3))], material)
+    at_random = spread(scene, 2, method="bsdf", strategy_choice="random")
+    assert spread(scene, 2, method="bsdf") < 0.35 * at_random
