@@ -190,8 +190,6 @@ class RenderConfig:
         if error is not None:
             if not (_is_number(error) and 0.0 < error <= 1.0):
                 raise ConfigError(f"target error must be above 0 and at most 1 (100 %), got {error}")
-            if self.sampler == "sobol":
-                raise ConfigError("a target error is told by independent samples: drop the sampler, or set spp instead")
             object.__setattr__(self, "target_error", float(error))
         if limit is not None:
             if not (_is_number(limit) and 0.0 < limit < math.inf):

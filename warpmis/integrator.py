@@ -156,13 +156,17 @@ class Integrator:
             yield first, min(pixels, self.pixels - first)
 
     def _launch(self, part: Round, samples: range, first_pixel: int, pixels: int) -> None:
-        inputs = [self.scene.view, self.scene.camera, first_pixel, part.first_sample, samples.start, len(samples)]
+        # The error is told by how far the pieces of a watched render are apart: each has a sequence of its own.
+        begin, length = part.first_sample, part.samples
+        if self.config.sampler == "sobol":
+            begin, length = samples.start, len(samples)
+        inputs = [self.scene.view, self.scene.camera, first_pixel, begin, samples.start, len(samples)]
         inputs += [self.config.seed]
         stratified = int(self.config.strategy_choice == "stratified")
         learn = LEARN_NOTHING
         if part.learn:
             learn = LEARN_DIRECT if self.config.how.direct_only else LEARN_ALL
-        inputs += [self.config.max_depth, stratified, lattice_step(part.samples), self.allocation, learn]
+        inputs += [self.config.max_depth, stratified, lattice_step(length), self.allocation, learn]
         inputs += [self.learn_film if part.learn else self.film, self.learner.moments]
         wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
         if self.is_cuda:

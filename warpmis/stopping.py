@@ -153,8 +153,6 @@ class Watch:
                 )
             if self.reason != "target error":
                 notes.append(f"stopped by the {self._brake()} before the target error: {self._outlook()}")
-        if self.config.sampler == "sobol" and self.estimate is not None:
-            notes.append("the error is told by parts of the samples, less even than all together: too large, as a rule")
         if self.spp and not self.color.any():
             notes.append("the picture is black: it has no relative error")
         return tuple(notes)

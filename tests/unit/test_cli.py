@@ -158,7 +158,6 @@ def test_maps_are_not_kept_unless_wanted(fake: FakeRender) -> None:
         ("--method fixed", "needs an allocation"),
         ("--strategy-choice magic", "unknown strategy choice 'magic'; choose one of stratified, random"),
         ("--sampler halton", "unknown sampler 'halton'; choose one of independent, sobol"),
-        ("--sampler sobol --target-error 2%", "a target error is told by independent samples: drop the sampler"),
         ("--method nee --learn-rounds 2", "method 'nee' learns nothing: drop the learn settings"),
         ("--method nee --round-maps .", "method 'nee' learns nothing"),
         ("--png a.jpg", "a.jpg: the file's name must end in .png"),

@@ -54,6 +54,22 @@ def test_rounds_go_on_where_the_last_one_stopped() -> None:
     assert film_of(Round(0, 8, learn=False)) != pytest.approx(film_of(Round(8, 8, learn=False)), rel=1e-3)
 
 
+@pytest.mark.parametrize("sampler", ["independent", "sobol"])
+def test_pieces_of_a_sequence_are_rounds_of_their_own(sampler: str) -> None:
+    """Else the parts of a watched render would not tell its error. Independent samples are the same either way."""
+    config = warpmis.RenderConfig(method="nee", spp=16, sampler=sampler, strategy_choice="random")
+
+    def film_of(part: Round, piece: range) -> np.ndarray:
+        uploaded = upload(scenes.room(), "cpu")
+        features = detect(scenes.room()).with_strategies(()).with_sampler(sampler)
+        run = integrator.Integrator(uploaded, features, config, integrator.allocation_of(config, 16, 16))
+        run.trace(part, lambda samples: None, piece)
+        return download_film(run.film, 16, 16).color
+
+    piece = film_of(Round(0, 16, learn=False), range(4, 12))
+    assert piece == pytest.approx(film_of(Round(4, 8, learn=False), range(4, 12)), rel=1e-12)
+
+
 def test_seed_changes_the_noise() -> None:
     first, second = (warpmis.render(scenes.room(), **{**SETTINGS, "seed": seed}) for seed in (1, 2))
     assert not np.array_equal(first.image, second.image)
