@@ -1,6 +1,6 @@
 """Whether learning ever loses: variance of the methods that learn over that of `balance`, on every hard case:
 
-    python scripts/bench/hard_cases.py [CASE ...] [--budget 256] [--most-seeds 1024] [--json FILE]
+    python scripts/bench/hard_cases.py [CASE ...] [--budget 256] [--most-seeds 8192] [--json FILE]
 
 All methods take `--budget` samples per pixel, learning included, with the same seeds. A render's error is the squared
 distance of its picture from its method's mean, each pixel over its squared brightness (warpmis/metrics.py:
@@ -150,7 +150,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", help="names of cases; all of them")
     parser.add_argument("--budget", type=int, default=256, help="samples per pixel in all")
-    parser.add_argument("--most-seeds", type=int, default=1024)
+    parser.add_argument("--most-seeds", type=int, default=8192)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     rows = []

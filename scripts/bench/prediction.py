@@ -1,6 +1,6 @@
 """How well a render that stops at one error tells how long a better one takes:
 
-    python scripts/bench/prediction.py [SCENE ...] [--from 5] [--to 1] [--width 32] [--seeds 1]
+    python scripts/bench/prediction.py [SCENE ...] [--from 5] [--to 1] [--width 32] [--seeds 1] [--spp N]
 
 predicted     samples per pixel to the better error, from a run that stopped at the worse one: relMSE falls as they grow
 measured      what a run with another seed takes to get there, to the digit: the samples at which it stopped, times the
@@ -43,13 +43,15 @@ def main() -> None:
     parser.add_argument("--to", dest="better", type=float, default=1.0, help="percent (%(default)s)")
     parser.add_argument("--width", type=int, default=32)
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--spp", type=int, default=None, help="most samples per pixel of a run")
     arguments = parser.parse_args()
     print(f"{'scene':14} {'predicted':>10} {'measured':>10} {'ratio':>6} {'seconds':>8}")
     for name in arguments.scenes:
         scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=arguments.width)
         for seed in range(arguments.seeds):
             start = time.process_time()
-            predicted, measured = prediction(scene, 0.01 * arguments.worse, 0.01 * arguments.better, seed)
+            errors = 0.01 * arguments.worse, 0.01 * arguments.better
+            predicted, measured = prediction(scene, *errors, seed, spp=arguments.spp)
             spent = time.process_time() - start
             print(f"{name:14} {predicted:10.0f} {measured:10.0f} {predicted / measured:6.2f} {spent:8.0f}", flush=True)
 
