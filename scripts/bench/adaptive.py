@@ -24,8 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
+from warpmis.device.upload import upload
+from warpmis.integrator import Integrator, allocation_of
 from warpmis.kernels.moments import SHADOW_RAY_COST
+from warpmis.learn.schedule import Round
 from warpmis.metrics import LUMINANCE, OUTLIERS, squared_scale
+from warpmis.rendering import features_of
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")
@@ -52,8 +56,6 @@ def relative_variance(result: warpmis.RenderResult, side: int = 1) -> Float64Arr
 
 def cost_of(scene: warpmis.Scene, spp: int) -> Float64Array:
     """Mean cost of a pixel's samples, told by the length of their paths."""
-    from warpmis.rendering import Integrator, Round, allocation_of, features_of, upload
-
     config = warpmis.RenderConfig(method="nee", spp=spp)
     features = features_of(scene, config)
     run = Integrator(upload(scene, "cpu"), features, config, allocation_of(config, *scene.resolution))
@@ -96,10 +98,10 @@ def main() -> None:
         best = gain(np.sqrt(variance / cost), variance, cost)
         for pilot in arguments.pilot:
             runs = [warpmis.render(scene, method="nee", spp=pilot, seed=seed) for seed in range(arguments.seeds)]
+            guesses = {side: [relative_variance(run, side) for run in runs] for side in SQUARES}
             told = []
             for side, power in columns:
-                guesses = [relative_variance(run, side) for run in runs]
-                d = [bounded(((guess + 0.01 * guess.mean()) / cost) ** power) for guess in guesses]
+                d = [bounded(((guess + 0.01 * guess.mean()) / cost) ** power) for guess in guesses[side]]
                 told.append(statistics.median(gain(each, variance, cost) for each in d))
             figures = " | ".join(f"{value:.2f}" for value in told)
             print(f"| {name}, {pilot} | {best:.2f} | {figures} |", flush=True)

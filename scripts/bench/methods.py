@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import statistics
 import time
 from collections.abc import Iterator
@@ -102,40 +103,25 @@ def measure(scene: warpmis.Scene, budget: int, seeds: int, reference_spp: int) -
     return runs
 
 
-def table(runs: dict[str, Runs]) -> list[dict[str, Any]]:
-    base = runs[BASELINE]
-    rows = []
-    for label, own in runs.items():
-        variance = statistics.median(own.variance) / statistics.median(base.variance)
-        seconds = lower_quartile(own.seconds) / lower_quartile(base.seconds)
-        # The same seed gives the baseline the same camera rays: quotients of a seed's own scatter least.
-        quotients = [v / base_v for v, base_v in zip(own.variance, base.variance, strict=True)]
-        spread = statistics.stdev(quotients) / statistics.mean(quotients) / len(quotients) ** 0.5
-        efficiency = 1.0 / (variance * seconds)
-        rows.append(
-            {
-                "method": label,
-                "variance": variance,
-                "time": seconds,
-                "efficiency": efficiency,
-                "error": efficiency * spread,
-            }
-        )
-    return rows
-
-
 def lower_quartile(values: list[float]) -> float:
     return statistics.quantiles(values, n=4)[0]
 
 
-def efficiency_over(runs: dict[str, Runs], own: str, other: str, part: slice) -> tuple[float, float]:
-    """Efficiency of one method over another's by a part of the seeds, and its standard error."""
+def efficiency_over(runs: dict[str, Runs], own: str, other: str, part: slice) -> dict[str, float]:
+    """Variance, time and efficiency of one method over another's by a part of the seeds, and the efficiency's standard
+    error; time by all seeds."""
     ours, theirs = runs[own].variance[part], runs[other].variance[part]
+    variance = statistics.median(ours) / statistics.median(theirs)
+    seconds = lower_quartile(runs[own].seconds) / lower_quartile(runs[other].seconds)
+    # The same seed gives both the same camera rays: quotients of a seed's own scatter least.
     quotients = [v / other_v for v, other_v in zip(ours, theirs, strict=True)]
     spread = statistics.stdev(quotients) / statistics.mean(quotients) / len(quotients) ** 0.5
-    seconds = lower_quartile(runs[own].seconds) / lower_quartile(runs[other].seconds)
-    over = statistics.median(theirs) / statistics.median(ours) / seconds
-    return over, over * spread
+    efficiency = 1.0 / (variance * seconds)
+    return {"variance": variance, "time": seconds, "efficiency": efficiency, "error": efficiency * spread}
+
+
+def table(runs: dict[str, Runs]) -> list[dict[str, Any]]:
+    return [{"method": label, **efficiency_over(runs, label, BASELINE, slice(None))} for label in runs]
 
 
 def of_auto(runs: dict[str, Runs]) -> str:
@@ -144,12 +130,13 @@ def of_auto(runs: dict[str, Runs]) -> str:
     own = next(name for name in runs if name.startswith("auto"))
     others = [name for name in runs if not name.startswith("auto")]
     halves = slice(0, None, 2), slice(1, None, 2)
-    best = [max(others, key=lambda name: efficiency_over(runs, name, own, half)[0]) for half in halves]
+    best = [max(others, key=lambda name: efficiency_over(runs, name, own, half)["efficiency"]) for half in halves]
     judged = [efficiency_over(runs, own, name, half) for name, half in zip(best, reversed(halves), strict=True)]
-    over = (judged[0][0] * judged[1][0]) ** 0.5
-    error = 0.5 * (judged[0][1] ** 2 + judged[1][1] ** 2) ** 0.5
+    over = math.prod(one["efficiency"] for one in judged) ** 0.5
+    error = 0.5 * math.hypot(*(one["error"] for one in judged))
     published = [name for name in others if name.startswith("murray20 bsdf,light") and name.count(",") == 1]
-    against = ", ".join(f"{efficiency_over(runs, own, name, slice(None))[0]:.2f} of {name}" for name in published)
+    ratios = {name: efficiency_over(runs, own, name, slice(None))["efficiency"] for name in published}
+    against = ", ".join(f"{ratio:.2f} of {name}" for name, ratio in ratios.items())
     names = " or ".join(dict.fromkeys(best))
     return f"auto has {over:.2f} ± {error:.2f} of the efficiency of the best of the others ({names}), {against}"
 

@@ -12,13 +12,12 @@ import scenes
 import warp as wp
 
 import warpmis
-from warpmis.device.views import SceneView
 from warpmis.features import Features
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.rng import RngKey, lattice, lattice_step
 from warpmis.kernels.strategies import make_strategies
-from warpmis.scene import Camera, DistantLight, DomeLight, Light, Material, Scene
+from warpmis.scene import DistantLight, DomeLight, Light, Material, Scene
 
 features = Features.all().with_strategies(("bsdf", "light", "cosine"))
 strategies = make_strategies(features, make_surface(features), make_lights(features))
@@ -32,9 +31,7 @@ BLUE_LIGHT = np.array([0.0, 0.0, 1.0 / 0.0722])
 
 
 @wp.kernel(enable_backward=False)
-def choose_all(
-    scene: SceneView, allocation: vec_s, step: wp.uint32, chosen: wp.array(dtype=int), left: wp.array(dtype=float)
-):
+def choose_all(allocation: vec_s, step: wp.uint32, chosen: wp.array(dtype=int), left: wp.array(dtype=float)):
     key = RngKey()
     key.sample = wp.uint32(wp.tid())
     u = lattice(key, step)
@@ -46,7 +43,7 @@ def choose_all(
 @pytest.mark.parametrize("shares", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
 def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tuple[float, ...]) -> None:
     chosen, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
-    wp.launch(choose_all, SPP, [SceneView(), vec_s(*shares), lattice_step(SPP), chosen, left])
+    wp.launch(choose_all, SPP, [vec_s(*shares), lattice_step(SPP), chosen, left])
     by, numbers = chosen.numpy(), left.numpy().astype(float)
     assert numbers.min() >= 0.0 and numbers.max() < 1.0
     whole = sum(shares) > 0.0
@@ -60,7 +57,7 @@ def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tup
 def floor_under(lights: list[Light], material: Material = scenes.WHITE) -> Scene:
     """One pixel of an endless floor, seen from above."""
     corners = np.array([(-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9)], dtype=np.float32)
-    view: Camera = scenes.camera((0, 1, 0), (0, 0, 0), half_width=0.01)
+    view = scenes.camera((0, 1, 0), (0, 0, 0), half_width=0.01)
     return scenes.scene(scenes.quads([(corners, 0)]), [material], lights, view, pixels=1)
 
 

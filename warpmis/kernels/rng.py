@@ -22,6 +22,9 @@ CHOICE = wp.constant(-1)
 # The block of the point on the camera's lens.
 LENS = wp.constant(-2)
 
+# The largest float32 below 1.
+ONE_MINUS_EPSILON = wp.constant(1.0 - 2.0**-24)
+
 
 @wp.struct
 class RngKey:

@@ -18,12 +18,10 @@ from warpmis.features import Features
 from warpmis.kernels.bsdf.surface import Scattering, Surface
 from warpmis.kernels.frame import Frame, to_world
 from warpmis.kernels.light.records import LightSample, Receiver
+from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere, square_to_uniform_hemisphere
 
 wp.set_module_options({"enable_backward": False})
-
-# The largest float32 below 1.
-LARGEST = wp.constant(1.0 - 2.0**-24)
 
 
 def make_strategies(features: Features, surface: SimpleNamespace, lights: SimpleNamespace) -> SimpleNamespace:
@@ -64,7 +62,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
             if s == strategy:
                 left = (u - reached) / allocation[s]
             reached += allocation[s]
-        return wp.clamp(left, 0.0, LARGEST)
+        return wp.clamp(left, 0.0, ONE_MINUS_EPSILON)
 
     @wp.func
     def drawn_by(strategy: int, allocation: vec_s) -> vec_s:

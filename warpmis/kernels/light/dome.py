@@ -6,6 +6,7 @@ from warpmis.device.views import DomeView
 from warpmis.kernels.frame import frame_from_normal, to_world
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.records import LightSample
+from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.warps import INV_PI, PI, square_to_uniform_hemisphere
 
 wp.set_module_options({"enable_backward": False})
@@ -25,7 +26,7 @@ def dome_uv(d: wp.vec3) -> wp.vec2:
     if u < 0.0:
         u = u + 1.0
     v = wp.atan2(wp.sqrt(d[0] * d[0] + d[2] * d[2]), d[1]) / PI
-    return wp.vec2(wp.min(u, 0.99999994), wp.min(v, 0.99999994))
+    return wp.vec2(wp.min(u, ONE_MINUS_EPSILON), wp.min(v, ONE_MINUS_EPSILON))
 
 
 @wp.func
