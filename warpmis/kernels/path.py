@@ -9,19 +9,18 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import DELTA_DISTANT, SceneView
+from warpmis.device.views import SceneView
 from warpmis.features import Features
 from warpmis.kernels import rng, roulette
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
-from warpmis.kernels.bsdf.surface import Surface, make_surface
-from warpmis.kernels.frame import Frame, luminance, to_local, to_world
+from warpmis.kernels.bsdf.surface import make_surface
+from warpmis.kernels.direct_light import make_direct_light
+from warpmis.kernels.frame import luminance, to_local, to_world
 from warpmis.kernels.intersect import MAX_PASSED, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.mesh import pdf_mesh
 from warpmis.kernels.light.records import Receiver
-from warpmis.kernels.light.table import SHADOW_END, make_lights
+from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
-from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.strategies import make_strategies
 
@@ -39,6 +38,7 @@ def make_path(features: Features) -> SimpleNamespace:
     lights = make_lights(features)
     surface = make_surface(features)
     intersect = make_intersect(features)
+    direct_light = make_direct_light(features, surface, lights, intersect)
     materials = make_material(features)
     events = make_events(features, intersect.passed)
     strategies = make_strategies(features, surface, lights)
@@ -88,112 +88,6 @@ def make_path(features: Features) -> SimpleNamespace:
         shadow_rays: int
         early_rays: int
         early_shadow_rays: int
-
-    @wp.struct
-    class DirectLight:
-        """Light that a vertex sends on from a light sample, and the rays that it took.
-
-        share: the BSDF's density of its direction, over that of BSDF and lights together.
-        """
-
-        radiance: wp.vec3
-        rays: int
-        share: float
-
-    @wp.func
-    def delta_light(scene: SceneView, r: Receiver, frame: Frame, ng: wp.vec3, s: Surface, u: float) -> DirectLight:
-        """One of the delta lights, chosen by what it would bring unoccluded."""
-        total = float(0.0)
-        chosen = int(-1)
-        wi_chosen = wp.vec3(0.0, 0.0, 0.0)
-        distance_chosen = float(0.0)
-        importance = float(0.0)
-        irradiance = wp.vec3(0.0, 0.0, 0.0)
-        left = u
-        for i in range(scene.delta_light_count):
-            light = scene.delta_lights[i]
-            wi = light.vector
-            distance = float(INFINITE_DISTANCE)
-            falloff = float(1.0)
-            if light.kind != DELTA_DISTANT:
-                to_light = light.vector - r.x
-                distance = wp.length(to_light)
-                wi = to_light / wp.max(distance, 1.0e-20)
-                falloff = 1.0 / wp.max(distance * distance, 1.0e-20)
-            brings = light.luminance * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
-            if wp.static(features.controlled):
-                factor = lights.control.factor(scene, scene.light_count + i, r, wi)
-                brings = luminance(wp.cw_mul(light.intensity, factor)) * falloff * wp.max(wp.dot(frame.n, wi), 0.0)
-            if brings > 0.0:
-                # Reservoir of one: the chosen light is kept or replaced, and `left` is uniform again after either.
-                total += brings
-                p = brings / total
-                if left < p or chosen < 0:
-                    left = left / p
-                    chosen = i
-                    wi_chosen = wi
-                    distance_chosen = distance
-                    importance = brings
-                    irradiance = light.intensity * falloff
-                    if wp.static(features.controlled):
-                        irradiance = wp.cw_mul(irradiance, factor)
-                else:
-                    left = (left - p) / (1.0 - p)
-        direct = DirectLight()
-        if chosen < 0 or wp.dot(wi_chosen, ng) <= 0.0:
-            return direct
-        scattering = surface.evaluate(s, to_local(frame, wi_chosen))
-        f_cos = scattering.f_cos
-        if wp.static(features.light_response):
-            f_cos = wp.cw_mul(f_cos, lights.control.response(scene, scene.light_count + chosen, scattering.diffuse))
-        through = intersect.transmittance(
-            scene, scene.light_count + chosen, r.x, wi_chosen, distance_chosen * SHADOW_END
-        )
-        direct.radiance = wp.cw_mul(wp.cw_mul(f_cos, irradiance), through) * (total / importance)
-        direct.rays = 1
-        return direct
-
-    @wp.func
-    def sampled_light(scene: SceneView, r: Receiver, frame: Frame, ng: wp.vec3, s: Surface, u: wp.vec4) -> DirectLight:
-        """Next-event estimation: one light sample, weighted against the BSDF's density."""
-        direct = DirectLight()
-        towards = lights.sample(scene, r, u)
-        if towards.pdf_solid_angle <= 0.0 or wp.dot(towards.wi, ng) <= 0.0:
-            return direct
-        scattering = surface.evaluate(s, to_local(frame, towards.wi))
-        if luminance(scattering.f_cos) <= 0.0:
-            return direct
-        direct.share = balance_weight(scattering.pdf_solid_angle, towards.pdf_solid_angle)
-        if wp.static(features.controlled):
-            towards.radiance = wp.cw_mul(towards.radiance, lights.control.factor(scene, r.chosen, r, towards.wi))
-            if wp.static(features.light_response):
-                response = lights.control.response(scene, r.chosen, scattering.diffuse)
-                towards.radiance = wp.cw_mul(towards.radiance, response)
-        through = intersect.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
-        weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
-        direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
-        direct.rays = 1
-        return direct
-
-    @wp.func
-    def weight_of_mesh(
-        scene: SceneView, r: Receiver, index: int, ng: wp.vec3, wi: wp.vec3, distance: float, pdf_bsdf: float
-    ) -> float:
-        """MIS weight of a direction that the BSDF drew and that met a mesh light, against the lights' density."""
-        light = scene.lights[index]
-        of_light = pdf_mesh(light, ng, wi, distance) * lights.importance(scene, light, r)
-        return balance_weight(pdf_bsdf, lights.density(of_light, r.total))
-
-    @wp.func
-    def emitted_to(scene: SceneView, r: Receiver, index: int, emission: wp.vec3, wi: wp.vec3) -> wp.vec3:
-        """What of a mesh light's emission arrives at r, against wi."""
-        if wp.static(features.controlled):
-            factor = lights.control.factor(scene, index, r, wi)
-            if wp.static(features.light_response):
-                if r.prim > 0:
-                    factor = wp.cw_mul(factor, lights.control.response(scene, index, r.diffuse))
-            return wp.cw_mul(emission, factor)
-        return emission
 
     @wp.func
     def Li(
@@ -275,8 +169,8 @@ def make_path(features: Features) -> SimpleNamespace:
                 if light >= 0 and (hit.outside != 0 or material.double_sided != 0):
                     weight = float(1.0)
                     if arrival == WEIGHTED:
-                        weight = weight_of_mesh(scene, r, light, hit.ng, wi, far, pdf_bsdf)
-                    emission += emitted_to(scene, r, light, material.emission, wi) * weight
+                        weight = direct_light.mesh_light_weight(scene, r, light, hit.ng, wi, far, pdf_bsdf)
+                    emission += direct_light.arriving_emission(scene, r, light, material.emission, wi) * weight
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:
                 path.direct += wp.cw_mul(beta, emission)
@@ -334,7 +228,7 @@ def make_path(features: Features) -> SimpleNamespace:
                 r.prim = lights.control.prim_of(scene, hit)
             s = surface.prepare(material, wo)
             if wp.static(features.delta_light):
-                from_delta = delta_light(scene, r, frame, hit.ng, s, u_delta[0])
+                from_delta = direct_light.from_delta_light(scene, r, frame, hit.ng, s, u_delta[0])
                 L += wp.cw_mul(beta, from_delta.radiance)
                 path.shadow_rays += from_delta.rays
             arrival = WEIGHTED
@@ -358,7 +252,7 @@ def make_path(features: Features) -> SimpleNamespace:
                     r.drawn_pdf = drawn.pdf_of_light
             if wp.static(has_next_event):
                 if arrival >= WEIGHTED:
-                    from_light = sampled_light(scene, r, frame, hit.ng, s, u_light)
+                    from_light = direct_light.from_light_sample(scene, r, frame, hit.ng, s, u_light)
                     L += wp.cw_mul(beta, from_light.radiance)
                     path.shadow_rays += from_light.rays
                     if wp.static(paired):
