@@ -37,6 +37,7 @@ class Features:
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
         sampler: what the numbers of a path are: independent, or a Sobol sequence.
+        tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
     """
 
     rect_light: bool = False
@@ -71,6 +72,7 @@ class Features:
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
     sampler: str = "independent"
+    tree: str = "wide"
 
     @property
     def controlled(self) -> bool:
@@ -89,6 +91,9 @@ class Features:
 
     def with_sampler(self, sampler: str = "independent") -> Features:
         return replace(self, sampler=sampler)
+
+    def with_tree(self, tree: str) -> Features:
+        return replace(self, tree=tree)
 
     def with_depth(self, max_depth: int) -> Features:
         """What paths of so many bounces need of these effects."""

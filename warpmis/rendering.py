@@ -170,7 +170,8 @@ def features_of(scene: Scene, config: RenderConfig, features: Features | None = 
     """The effects to compile: those that are forced, else what scene and depth call for; and what the method needs."""
     strategies = config.strategies if config.method != "nee" else ()
     features = features or detect(scene).with_depth(config.max_depth)
-    return features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
+    features = features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
+    return features.with_tree("wide" if config.device == "cpu" else "warp")
 
 
 def compile_scene(scene: Scene, config: RenderConfig, features: Features | None = None) -> Compilation:

@@ -21,8 +21,6 @@ from warpmis.kernels.trace import CPU_FLAGS
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 
-intersect = make_intersect(Features(instances=True))
-
 ANYWHERE = wp.constant(0)
 AT_EDGES = wp.constant(1)
 AT_VERTICES = wp.constant(2)
@@ -30,52 +28,68 @@ ALONG_AXES = wp.constant(3)  # from a vertex's coordinates, in the planes of fac
 BOUNCES = wp.constant(3)
 
 
-@wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
-def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed: int, leaks: wp.array(dtype=int)):
-    """Rays from about the centre, no farther than `inner` along any axis. leaks: those that meet nothing, shadow rays
-    that meet nothing, and paths that get out within some bounces."""
-    state = wp.rand_init(seed, wp.tid())
-    o = center + (wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state)) * 2.0 - wp.vec3(1.0, 1.0, 1.0)) * inner
-    d = wp.sample_unit_sphere_surface(state)
-    first = wp.where(scene.instance_count > 0, 1, 0)  # for there is a triangle far away then
-    corners = scene.indices[wp.randi(state, first, scene.indices.shape[0])]
-    a = scene.points[corners[0]]
-    b = scene.points[corners[1]]
-    if scene.instance_count > 0:
-        a = scene.instances[0].linear * a + scene.instances[0].translation
-        b = scene.instances[0].linear * b + scene.instances[0].translation
-    along = wp.randf(state)
-    if aim == AT_EDGES:
-        d = wp.normalize(a * (1.0 - along) + b * along - o)
-    elif aim == AT_VERTICES:
-        d = wp.normalize(a - o)
-    elif aim == ALONG_AXES:
-        # What of the vertex lies within: lines of the grid, the faces' planes left out.
-        for k in range(3):
-            if wp.abs(a[k] - center[k]) < inner:
-                o[k] = a[k]
-        axis = wp.randi(state, 0, 3)
-        d = wp.vec3(0.0, 0.0, 0.0)
-        d[axis] = wp.where(along < 0.5, -1.0, 1.0)
-    if intersect.transmittance(scene, 0, o, d, INFINITE_DISTANCE)[0] > 0.0:
-        wp.atomic_add(leaks, 1, 1)
-    for bounce in range(BOUNCES):
-        hit = intersect.closest_hit(scene, o, d)
-        if hit.distance >= INFINITE_DISTANCE:
-            wp.atomic_add(leaks, wp.where(bounce == 0, 0, 2), 1)
-            return
-        o = hit.p + hit.ng * hit.offset
-        local = wp.sample_unit_hemisphere_surface(state)
-        d = wp.normalize(to_world(frame_from_normal(hit.ng), wp.vec3(local[0], local[1], wp.max(local[2], 1.0e-6))))
+def make_count_leaks(tree: str) -> wp.Kernel:
+    intersect = make_intersect(Features(instances=True, tree=tree))
+
+    @wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
+    def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed: int, leaks: wp.array(dtype=int)):
+        """Rays from about the centre, no farther than `inner` along any axis. leaks: those that meet nothing, shadow rays
+        that meet nothing, and paths that get out within some bounces."""
+        state = wp.rand_init(seed, wp.tid())
+        o = center + (wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state)) * 2.0 - wp.vec3(1.0, 1.0, 1.0)) * inner
+        d = wp.sample_unit_sphere_surface(state)
+        first = wp.where(scene.instance_count > 0, 1, 0)  # for there is a triangle far away then
+        corners = scene.indices[wp.randi(state, first, scene.indices.shape[0])]
+        a = scene.points[corners[0]]
+        b = scene.points[corners[1]]
+        if scene.instance_count > 0:
+            a = scene.instances[0].linear * a + scene.instances[0].translation
+            b = scene.instances[0].linear * b + scene.instances[0].translation
+        along = wp.randf(state)
+        if aim == AT_EDGES:
+            d = wp.normalize(a * (1.0 - along) + b * along - o)
+        elif aim == AT_VERTICES:
+            d = wp.normalize(a - o)
+        elif aim == ALONG_AXES:
+            # What of the vertex lies within: lines of the grid, the faces' planes left out.
+            for k in range(3):
+                if wp.abs(a[k] - center[k]) < inner:
+                    o[k] = a[k]
+            axis = wp.randi(state, 0, 3)
+            d = wp.vec3(0.0, 0.0, 0.0)
+            d[axis] = wp.where(along < 0.5, -1.0, 1.0)
+        if intersect.transmittance(scene, 0, o, d, INFINITE_DISTANCE)[0] > 0.0:
+            wp.atomic_add(leaks, 1, 1)
+        for bounce in range(BOUNCES):
+            hit = intersect.closest_hit(scene, o, d)
+            if hit.distance >= INFINITE_DISTANCE:
+                wp.atomic_add(leaks, wp.where(bounce == 0, 0, 2), 1)
+                return
+            o = hit.p + hit.ng * hit.offset
+            local = wp.sample_unit_hemisphere_surface(state)
+            d = wp.normalize(to_world(frame_from_normal(hit.ng), wp.vec3(local[0], local[1], wp.max(local[2], 1.0e-6))))
+
+    return count_leaks
 
 
-def leaks(scene: DeviceScene, rays: int, aim: Any, center: Any = (0.0, 0.0, 0.0), inner: float = 0.05) -> list[int]:
+count_leaks = make_count_leaks("wide")
+count_leaks_of_mesh = make_count_leaks("warp")
+
+
+def leaks(
+    scene: DeviceScene,
+    rays: int,
+    aim: Any,
+    center: Any = (0.0, 0.0, 0.0),
+    inner: float = 0.05,
+    kernel: wp.Kernel = count_leaks,
+) -> list[int]:
     """Rays, shadow rays and paths that got out of a closed mesh."""
     counts = wp.zeros(3, dtype=int, device="cpu")
     batch = min(rays, 1 << 24)
     for first in range(0, rays, batch):
         inputs = [scene.view, wp.vec3(*center), inner, int(aim), first + 1, counts]
-        wp.launch(count_leaks, dim=min(batch, rays - first), inputs=inputs, device="cpu")
+        wp.launch(kernel, dim=min(batch, rays - first), inputs=inputs, device="cpu")
     return [int(count) for count in counts.numpy()]
 
 

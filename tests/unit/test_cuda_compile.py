@@ -22,13 +22,14 @@ from warpmis.learn.whole_samples import make_whole_samples
 from warpmis.methods import METHODS
 
 HOPPER = 90
+EVERY = Features.all().with_tree("warp")
 AUTO = Layout(2, METHODS["auto"].statistics)
 KERNELS = {
-    "trace, every effect, mixture": lambda: make_trace(Features.all(STRATEGIES)),
-    "trace, every effect, next-event estimation": lambda: make_trace(Features.all()),
-    "trace, no effect": lambda: make_trace(Features()),
-    "trace, auto": lambda: make_trace(Features.all().with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
-    "identify, every effect": lambda: make_identify(Features.all()),
+    "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
+    "trace, every effect, next-event estimation": lambda: make_trace(EVERY),
+    "trace, no effect": lambda: make_trace(Features().with_tree("warp")),
+    "trace, auto": lambda: make_trace(EVERY.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "identify, every effect": lambda: make_identify(EVERY),
     "newton_share": lambda: make_newton_share(Layout(2)),
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
     "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, METHODS["cost-aware"].statistics)),

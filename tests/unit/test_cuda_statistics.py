@@ -21,7 +21,7 @@ BY_STATISTICS = {method.statistics: name for name, method in reversed(METHODS.it
 def test_statistics_of_a_method_compile_for_cuda(name: str, tmp_path: Path) -> None:
     method = METHODS[name]
     strategies = DEFAULT_STRATEGIES if method.two_strategies else STRATEGIES
-    kernel = make_trace(Features().with_strategies(strategies, method.statistics))
+    kernel = make_trace(Features(tree="warp").with_strategies(strategies, method.statistics))
     wp.compile_aot_module(kernel.module, arch=[HOPPER], module_dir=tmp_path, use_ptx=True)
     (ptx,) = tmp_path.glob("*.ptx")
     assert f".entry {kernel.key}" in ptx.read_text()

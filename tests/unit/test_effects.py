@@ -33,7 +33,7 @@ FUNCTIONS = {
     "dome_constant": ("sample_dome_constant", "pdf_dome_constant"),
     "dome_picture": ("sample_dome_picture", "dome_radiance"),
     "mesh_light": ("make_mesh__locals__sample", "make_lights__locals__pdf_emitter_triangles"),
-    "delta_light": ("make_path__locals__delta_light",),
+    "delta_light": ("make_direct_light__locals__from_delta_light",),
     "shaping": ("shaping_factor",),
     "ies": ("ies_factor",),
     "light_pictures": ("picture_factor",),
@@ -42,7 +42,7 @@ FUNCTIONS = {
     "shadow_links": ("make_intersect__locals__has_own_shadows",),
     "clearcoat": ("make_surface__locals__coat_transmittance",),
     "smooth": ("make_events__locals__choose",),
-    "instances": ("closest_hit_of_all", "instance_surface", "normal_to_world"),
+    "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
     "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__passed"),
     "textures": ("picture_value", "footprint", "filtered"),
     "normal_maps": ("make_intersect__locals__mapped_normal",),
@@ -87,10 +87,10 @@ def test_an_absent_effect_is_absent_from_the_source(effect: str, special: str, u
 
 def test_paths_of_one_bounce_take_no_light_samples_beside_the_mixture(special: str) -> None:
     """Direct light alone, and the mixture's vertex is the only one."""
-    assert "make_path__locals__sampled_light" in functions_in(special)
+    assert "make_direct_light__locals__from_light_sample" in functions_in(special)
     short = features_of(scenes.room(), replace(BALANCE, max_depth=1))
     assert not short.indirect
-    assert "make_path__locals__sampled_light" not in functions_in(source_of(short))
+    assert "make_direct_light__locals__from_light_sample" not in functions_in(source_of(short))
 
 
 def test_random_numbers_of_absent_effects_are_not_drawn(special: str, universal: str) -> None:

@@ -11,12 +11,15 @@ import warp as wp
 
 from warpmis.device.upload import upload
 from warpmis.device.views import SceneView
+from warpmis.features import Features
 from warpmis.geometry import Geometry, Prototype
 from warpmis.kernels.frame import frame_from_normal, to_world
-from warpmis.kernels.instances import closest_hit_of_all
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.warps import square_to_uniform_hemisphere
 from warpmis.scene import Scene
+
+intersect = make_intersect(Features(instances=True))
 
 
 @wp.kernel(enable_backward=False)
@@ -26,7 +29,7 @@ def leave(
     """Hit a triangle, leave it in 64 directions down to grazing ones; count rays and hits on the same triangle."""
     i = wp.tid()
     state = wp.rand_init(7, i)
-    hit = closest_hit_of_all(scene, origins[i], wp.normalize(targets[i] - origins[i]))
+    hit = intersect.closest_hit(scene, origins[i], wp.normalize(targets[i] - origins[i]))
     if hit.distance >= INFINITE_DISTANCE:
         return
     start = hit.p + hit.ng * hit.offset
@@ -34,7 +37,7 @@ def leave(
         local = square_to_uniform_hemisphere(wp.randf(state), wp.randf(state))
         steep = wp.pow(10.0, -4.0 * wp.randf(state))
         local = wp.normalize(wp.vec3(local[0], local[1], wp.max(local[2] * steep, 1.0e-6)))
-        next_hit = closest_hit_of_all(scene, start, to_world(frame_from_normal(hit.ng), local))
+        next_hit = intersect.closest_hit(scene, start, to_world(frame_from_normal(hit.ng), local))
         wp.atomic_add(again, 0, 1)
         if next_hit.distance >= INFINITE_DISTANCE:
             continue
@@ -106,7 +109,7 @@ def leak(scene: SceneView, seed: int, escaped: wp.array(dtype=int)):
     i = wp.tid()
     state = wp.rand_init(seed, i)
     direction = wp.sample_unit_sphere_surface(state)
-    hit = closest_hit_of_all(scene, wp.vec3(0.1, 1.1, 0.05), direction)
+    hit = intersect.closest_hit(scene, wp.vec3(0.1, 1.1, 0.05), direction)
     if hit.distance >= INFINITE_DISTANCE:
         wp.atomic_add(escaped, 0, 1)
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from warpmis.device.upload import upload
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.features import Features
-from warpmis.kernels.hit import closest_hit
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.material import make_material
 from warpmis.scene import Scene
@@ -29,7 +28,7 @@ def look(
     normals: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
-    hit = closest_hit(scene, origins[i], wi)
+    hit = intersect.closest_hit(scene, origins[i], wi)
     found[i] = materials.at(scene, hit.triangle, hit.u, hit.v)
     normals[i] = intersect.shading_frame(scene, hit, found[i], wi).n
 

@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from warpmis.device.upload import DeviceScene
-from warpmis.device.views import ControlView, DomeView, FilmView, SceneView, VaryingView
+from warpmis.device.views import ControlView, DomeView, FilmView, SceneView, VaryingView, WideTreeView
 
 # What an array of a view is for; "geometry" where nothing else is said.
 PURPOSES = {
@@ -35,7 +35,7 @@ PURPOSES = {
     "copies": "ids",
     "dome": "dome",
 }
-STRUCTS: tuple[Any, ...] = (SceneView, VaryingView, DomeView, ControlView, FilmView)
+STRUCTS: tuple[Any, ...] = (SceneView, WideTreeView, VaryingView, DomeView, ControlView, FilmView)
 
 
 def scene_bytes(scene: DeviceScene) -> dict[str, int]:

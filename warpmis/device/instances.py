@@ -38,12 +38,13 @@ def padded_bounds(prototype: Prototype, extent: float) -> Bounds:
 
 
 def upload_instances(
-    prototypes: Sequence[Prototype], meshes: Sequence[wp.Mesh], first_triangles: Sequence[int], extent: float
+    prototypes: Sequence[Prototype], kind: str, handles: Sequence[int], first_triangles: Sequence[int], extent: float
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
     """The prototypes' places as fields of a SceneView, and what these point into, to be kept alive.
 
     Args:
-        meshes, first_triangles: of each prototype, the latter its first row in SceneView.triangles.
+        kind, handles: of trees.Trees, the latter of each prototype.
+        first_triangles: of each prototype its first row in SceneView.triangles.
         extent: of the scene [scene units].
     """
     counts = [len(prototype.prims) for prototype in prototypes]
@@ -52,7 +53,7 @@ def upload_instances(
     linear = np.concatenate([prototype.linear for prototype in prototypes])
     translation = np.concatenate([prototype.translation for prototype in prototypes])
     columns = {
-        "mesh": np.repeat(np.array([mesh.id for mesh in meshes], np.uint64), counts),
+        kind: np.repeat(np.array(handles, np.uint64), counts),
         "first_triangle": np.repeat(first_triangles, counts),
         "prim": np.concatenate([prototype.prims for prototype in prototypes]),
         "copy": np.concatenate([prototype.copies for prototype in prototypes]),

@@ -16,9 +16,10 @@ from warpmis.device.environment import distribution
 from warpmis.device.instances import largest_shrinking, upload_instances
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import MaterialTables, material_tables, texels_of, upload_materials
-from warpmis.device.mesh import padded_boxes, watertight_meshes
+from warpmis.device.mesh import padded_boxes
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.records import records
+from warpmis.device.trees import upload_trees
 from warpmis.device.views import (
     DISTANT,
     DOME,
@@ -157,16 +158,16 @@ def upload_solids(scene: Scene, device: str) -> Solids:
     extent = 0.0 if whole is None else float((whole[1] - whole[0]).max())
     reaches = [extent, *(extent * largest_shrinking(prototype) for prototype in scene.prototypes)]
     with wp.ScopedDevice(device):
-        meshes, points = watertight_meshes(geometry.points, geometry.triangles, first, reaches)
+        trees = upload_trees(geometry.points, geometry.triangles, first, reaches)
         fields = {
-            "points": points,
+            **trees.fields,
             "indices": wp.array(geometry.triangles, dtype=wp.vec3i),
             "normals": wp.array(geometry.normals, dtype=wp.vec3),
         }
-        instances, owned = upload_instances(scene.prototypes, meshes[1:], first[1:-1], extent)
-    return Solids(
-        geometry, parts[0], {**fields, "mesh": meshes[0].id, **instances}, (*meshes, *owned, *fields.values())
-    )
+        fields[trees.kind] = trees.handles[0]
+        instances, owned = upload_instances(scene.prototypes, trees.kind, trees.handles[1:], first[1:-1], extent)
+    arrays = [field for field in fields.values() if isinstance(field, wp.array)]
+    return Solids(geometry, parts[0], fields | instances, (*trees.owned, *owned, *arrays))
 
 
 def ordered(geometry: Geometry) -> Geometry:

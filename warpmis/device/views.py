@@ -241,15 +241,35 @@ class DomeView:
     columns: int
 
 
+vec8f = wp.types.vector(length=8, dtype=wp.float32)
+vec8i = wp.types.vector(length=8, dtype=wp.int32)
+
+
+@wp.struct
+class WideTreeView:
+    """Trees over triangles for a CPU, one for each mesh, in common arrays (kernels/wide_tree.py).
+
+    bounds: six rows a node, of its eight boxes: lower x, upper x, lower y, and so on; children: of each box the node,
+    or -1 - leaf; corners: nine rows a leaf, of its eight triangles: x, y, z of the first corner, and so on; faces: of
+    each of them the row among its mesh's triangles. Triangles that fill a leaf up repeat its first one.
+    """
+
+    bounds: wp.array(dtype=vec8f)
+    children: wp.array(dtype=vec8i)
+    corners: wp.array(dtype=vec8f)
+    faces: wp.array(dtype=vec8i)
+
+
 @wp.struct
 class InstanceView:
     """A place of a prototype, whose triangles are the rows of SceneView.triangles from `first_triangle` on.
 
-    linear, translation: a point p of the mesh is at linear p + translation; inverse: of `linear`; prim, copy: in place
-    of SceneView.prims and copies.
+    mesh, root: as in SceneView; linear, translation: a point p of the mesh is at linear p + translation; inverse: of
+    `linear`; prim, copy: in place of SceneView.prims and copies.
     """
 
     mesh: wp.uint64
+    root: int
     first_triangle: int
     prim: int
     copy: int
@@ -262,8 +282,9 @@ class InstanceView:
 class SceneView:
     """The whole scene.
 
-    mesh: the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with points and
-    normals in their own spaces. instance_bvh: over the boxes of `instances`, of which there may be none.
+    mesh: on a GPU, the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with
+    points and normals in their own spaces. tree: on a CPU, of the same meshes; root: the node at which that of the
+    triangles in world space begins. instance_bvh: over the boxes of `instances`, of which there may be none.
     lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
     a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
     `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls or
@@ -272,6 +293,8 @@ class SceneView:
     """
 
     mesh: wp.uint64
+    tree: WideTreeView
+    root: int
     instance_bvh: wp.uint64
     instances: wp.array(dtype=InstanceView)
     instance_count: int

@@ -1,10 +1,14 @@
 """The closest surface along a ray, among the triangles that stand in world space."""
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from warpmis.device.views import SceneView
+from warpmis.features import Features
 from warpmis.kernels.frame import max_abs, normal_of_edges
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.wide_tree import Nearest, is_met_in_tree, nearest_in_tree
 
 wp.set_module_options({"enable_backward": False})
 
@@ -68,22 +72,62 @@ def facing(hit: Hit, ng: wp.vec3, wi: wp.vec3) -> Hit:
 
 
 @wp.func
-def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
-    hit = Hit()
-    hit.distance = INFINITE_DISTANCE
-    hit.instance = -1
-    query = wp.mesh_query_ray(scene.mesh, origin, wi, INFINITE_DISTANCE)
-    if not query.result:
-        return hit
-    corners = scene.indices[query.face]
-    p0 = scene.points[corners[0]]
-    p1 = scene.points[corners[1]]
-    p2 = scene.points[corners[2]]
-    hit.distance = query.t
-    hit.triangle = query.face
-    hit.u = query.u
-    hit.v = query.v
-    hit.offset = OFFSET * wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
-    # Warp's weights: u for the first corner, v for the second.
-    hit.p = inner_point(p0, p1, p2, query.u, query.v, inset_of(p1 - p0, p2 - p0, hit.offset))
-    return facing(hit, normal_of_edges(p1 - p0, p2 - p0), wi)
+def nearest_of_mesh(
+    scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float
+) -> Nearest:
+    found = Nearest()
+    found.face = -1
+    found.distance = reach
+    query = wp.mesh_query_ray(mesh, origin, wi, reach)
+    if query.result:
+        found.distance = query.t
+        found.face = query.face
+        found.u = query.u
+        found.v = query.v
+    return found
+
+
+@wp.func
+def mesh_is_met(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
+    return wp.mesh_query_ray_anyhit(mesh, origin, wi, reach)
+
+
+@wp.func
+def nearest_of_tree(
+    scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float
+) -> Nearest:
+    return nearest_in_tree(scene.tree, root, origin, wi, reach)
+
+
+@wp.func
+def tree_is_met(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
+    return is_met_in_tree(scene.tree, root, origin, wi, reach)
+
+
+def make_hit(features: Features) -> SimpleNamespace:
+    """Functions for the kind of tree in `features`: nearest and is_met, of one mesh, and closest_hit, of the world."""
+    wide = features.tree == "wide"
+    nearest = nearest_of_tree if wide else nearest_of_mesh
+    is_met = tree_is_met if wide else mesh_is_met
+
+    @wp.func
+    def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
+        hit = Hit()
+        hit.distance = INFINITE_DISTANCE
+        hit.instance = -1
+        found = nearest(scene, scene.mesh, scene.root, origin, wi, INFINITE_DISTANCE)
+        if found.face < 0:
+            return hit
+        corners = scene.indices[found.face]
+        p0 = scene.points[corners[0]]
+        p1 = scene.points[corners[1]]
+        p2 = scene.points[corners[2]]
+        hit.distance = found.distance
+        hit.triangle = found.face
+        hit.u = found.u
+        hit.v = found.v
+        hit.offset = OFFSET * wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
+        hit.p = inner_point(p0, p1, p2, found.u, found.v, inset_of(p1 - p0, p2 - p0, hit.offset))
+        return facing(hit, normal_of_edges(p1 - p0, p2 - p0), wi)
+
+    return SimpleNamespace(nearest=nearest, is_met=is_met, closest_hit=closest_hit)

@@ -4,11 +4,13 @@ A ray is carried into a prototype's space without making its direction a unit ve
 stay those of the world.
 """
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from warpmis.device.views import InstanceView, SceneView
 from warpmis.kernels.frame import max_abs, normal_of_edges
-from warpmis.kernels.hit import OFFSET, Hit, closest_hit, facing, inner_point, inset_of
+from warpmis.kernels.hit import OFFSET, Hit, facing, inner_point, inset_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -32,41 +34,6 @@ def without_zeros(direction: wp.vec3) -> wp.vec3:
         if d[axis] == 0.0:
             d[axis] = 1.0e-20
     return d
-
-
-@wp.func
-def nearest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, reach: float) -> InstanceHit:
-    """The closest triangle nearer than `reach`."""
-    found = InstanceHit()
-    found.instance = -1
-    found.distance = reach
-    query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
-    index = int(0)
-    while wp.bvh_query_next(query, index, found.distance):
-        instance = scene.instances[index]
-        start = instance.inverse * (origin - instance.translation)
-        inside = wp.mesh_query_ray(instance.mesh, start, instance.inverse * wi, found.distance)
-        if inside.result:
-            found.distance = inside.t
-            found.instance = index
-            found.face = inside.face
-            found.u = inside.u
-            found.v = inside.v
-    return found
-
-
-@wp.func
-def is_occluded_by_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> bool:
-    if scene.instance_count == 0:
-        return False
-    query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
-    index = int(0)
-    while wp.bvh_query_next(query, index, distance):
-        instance = scene.instances[index]
-        start = instance.inverse * (origin - instance.translation)
-        if wp.mesh_query_ray_anyhit(instance.mesh, start, instance.inverse * wi, distance):
-            return True
-    return False
 
 
 @wp.func
@@ -126,12 +93,50 @@ def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
     return facing(hit, wp.normalize(carried), wi)
 
 
-@wp.func
-def closest_hit_of_all(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
-    """The closest surface, in world space or of an instance."""
-    hit = closest_hit(scene, origin, wi)
-    if scene.instance_count > 0:
-        found = nearest_instance(scene, origin, wi, hit.distance)
-        if found.instance >= 0:
-            return instance_surface(scene, found, wi)
-    return hit
+def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
+    """Functions with those of kernels/hit.py: closest_hit_of_all, is_occluded_by_instance."""
+
+    @wp.func
+    def nearest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, reach: float) -> InstanceHit:
+        """The closest triangle nearer than `reach`."""
+        found = InstanceHit()
+        found.instance = -1
+        found.distance = reach
+        query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
+        index = int(0)
+        while wp.bvh_query_next(query, index, found.distance):
+            instance = scene.instances[index]
+            start = instance.inverse * (origin - instance.translation)
+            inside = hits.nearest(scene, instance.mesh, instance.root, start, instance.inverse * wi, found.distance)
+            if inside.face >= 0:
+                found.distance = inside.distance
+                found.instance = index
+                found.face = inside.face
+                found.u = inside.u
+                found.v = inside.v
+        return found
+
+    @wp.func
+    def is_occluded_by_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> bool:
+        if scene.instance_count == 0:
+            return False
+        query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
+        index = int(0)
+        while wp.bvh_query_next(query, index, distance):
+            instance = scene.instances[index]
+            start = instance.inverse * (origin - instance.translation)
+            if hits.is_met(scene, instance.mesh, instance.root, start, instance.inverse * wi, distance):
+                return True
+        return False
+
+    @wp.func
+    def closest_hit_of_all(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
+        """The closest surface, in world space or of an instance."""
+        hit = hits.closest_hit(scene, origin, wi)
+        if scene.instance_count > 0:
+            found = nearest_instance(scene, origin, wi, hit.distance)
+            if found.instance >= 0:
+                return instance_surface(scene, found, wi)
+        return hit
+
+    return SimpleNamespace(closest_hit_of_all=closest_hit_of_all, is_occluded_by_instance=is_occluded_by_instance)

@@ -8,8 +8,8 @@ from warpmis.device.views import MaterialView, SceneView
 from warpmis.features import Features
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
 from warpmis.kernels.frame import Frame, frame_from_normal, luminance, to_local
-from warpmis.kernels.hit import Hit, closest_hit
-from warpmis.kernels.instances import closest_hit_of_all, is_occluded_by_instance, normal_to_world
+from warpmis.kernels.hit import Hit, make_hit
+from warpmis.kernels.instances import make_instances, normal_to_world
 from warpmis.kernels.material import make_material
 
 wp.set_module_options({"enable_backward": False})
@@ -25,7 +25,9 @@ def make_intersect(features: Features) -> SimpleNamespace:
     """Intersection functions for the surfaces in `features`: closest_hit, shading_frame, passed, transmittance, and
     prim_of, has_own_shadows."""
     materials = make_material(features)
-    closest = closest_hit_of_all if features.instances else closest_hit
+    hits = make_hit(features)
+    instances = make_instances(hits)
+    closest = instances.closest_hit_of_all if features.instances else hits.closest_hit
 
     @wp.func
     def mapped_normal(scene: SceneView, hit: Hit, material: MaterialView, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
@@ -96,10 +98,10 @@ def make_intersect(features: Features) -> SimpleNamespace:
     @wp.func
     def visibility(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
         """What a shadow ray leaves of the light among opaque surfaces: all or nothing."""
-        if wp.mesh_query_ray_anyhit(scene.mesh, origin, wi, distance):
+        if hits.is_met(scene, scene.mesh, scene.root, origin, wi, distance):
             return wp.vec3(0.0, 0.0, 0.0)
         if wp.static(features.instances):
-            if is_occluded_by_instance(scene, origin, wi, distance):
+            if instances.is_occluded_by_instance(scene, origin, wi, distance):
                 return wp.vec3(0.0, 0.0, 0.0)
         return wp.vec3(1.0, 1.0, 1.0)
 
