@@ -17,6 +17,7 @@ from warpmis.config import RenderConfig
 from warpmis.device.compilation import load_kernels
 from warpmis.device.film import allocate_film
 from warpmis.device.footprint import array_bytes, scene_bytes
+from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import DeviceScene, check_device
 from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
@@ -77,11 +78,12 @@ def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
         ConfigError: the machine lacks the device.
     """
     check_device(config.device)
-    return [make_trace(features), *learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
+    kernels = [*learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
+    return [make_trace(features), *kernels, *tree_kernels(config.device)]
 
 
 class Integrator:
-    """One render in progress on one device; `announce` is told how many kernels have to be compiled for it first."""
+    """One render in progress on one device."""
 
     def __init__(
         self,
@@ -89,7 +91,6 @@ class Integrator:
         features: Features,
         config: RenderConfig,
         allocation: NDArray[np.float32],
-        announce: Callable[[int], None] | None = None,
     ) -> None:
         self.scene = scene
         self.config = config
@@ -100,8 +101,7 @@ class Integrator:
         self.kernel = make_trace(features)
         self.learner = learner_of(features, config, (self.width, self.height))
         self.identify = identify_of(features, config)
-        kernels = (self.kernel, *self.learner.kernels, *self.identify)
-        self.compilation = load_kernels(kernels, config.device, announce)
+        load_kernels((self.kernel, *self.learner.kernels, *self.identify), config.device)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self._allocate()

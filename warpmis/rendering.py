@@ -189,13 +189,15 @@ def render_scene(
     """Trace the rounds of the schedule; each round's allocation depends on earlier rounds alone."""
     width, height = scene.resolution
     features = features_of(scene, config, features)
-    device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
     reporter.phase("compile")
 
     def announce(count: int) -> None:
         reporter.phase("compile", f"{count} kernel{'s' if count > 1 else ''}, first use of these effects")
 
-    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height), announce)
+    compilation = load_kernels(kernels_of(features, config), config.device, announce)
+    reporter.phase("load")
+    device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
+    integrator = Integrator(device_scene, features, config, allocation_of(config, width, height))
     rounds = schedule(config)
     learn_rounds = sum(part.learn for part in rounds)
     reporter.total = config.spp * width * height
@@ -219,11 +221,11 @@ def render_scene(
             watch.reason = "interrupted"
         share = 100.0 * reporter.done / reporter.total
         scene = dataclasses.replace(scene, notes=(*scene.notes, f"interrupted after {share:.0f} % of the samples"))
-        raise Interrupted(result_of(scene, config, features, integrator, reporter, maps)) from None
+        raise Interrupted(result_of(scene, config, features, integrator, compilation, reporter, maps)) from None
     reporter.phase("done")
     if watch is not None:
         scene = dataclasses.replace(scene, notes=(*scene.notes, *watch.notes()))
-    return result_of(scene, config, features, integrator, reporter, maps)
+    return result_of(scene, config, features, integrator, compilation, reporter, maps)
 
 
 def trace(part: Round, integrator: Integrator, reporter: Reporter) -> None:
@@ -243,6 +245,7 @@ def result_of(
     config: RenderConfig,
     features: Features,
     integrator: Integrator,
+    compilation: Compilation,
     reporter: Reporter,
     maps: list[NDArray[np.float32]],
 ) -> RenderResult:
@@ -269,9 +272,9 @@ def result_of(
         "features": [name for name, on in dataclasses.asdict(features).items() if on is True],
         "device": config.device,
         "threads": integrator.threads,
-        "compile_seconds": integrator.compilation.seconds,
-        "kernels_compiled": integrator.compilation.compiled,
-        "kernels_cached": integrator.compilation.cached,
+        "compile_seconds": compilation.seconds,
+        "kernels_compiled": compilation.compiled,
+        "kernels_cached": compilation.cached,
         "bytes": integrator.bytes(),
     }
     notes = scene.notes

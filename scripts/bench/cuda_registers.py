@@ -81,7 +81,7 @@ def main() -> None:
         for method in arguments.method:
             config = RenderConfig(method=method)
             for kind, forced in (("", None), (" universal", Features.all())):
-                kernels[f"{name} {method}{kind}"] = make_trace(features_of(scene, config, forced))
+                kernels[f"{name} {method}{kind}"] = make_trace(features_of(scene, config, forced).with_tree("warp"))
     report = {}
     for label, kernel in kernels.items():
         report[label] = compiled(kernel, arguments.arch)

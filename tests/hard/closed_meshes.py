@@ -33,8 +33,8 @@ def make_count_leaks(tree: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
     def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed: int, leaks: wp.array(dtype=int)):
-        """Rays from about the centre, no farther than `inner` along any axis. leaks: those that meet nothing, shadow rays
-        that meet nothing, and paths that get out within some bounces."""
+        """Rays from about the centre, no farther than `inner` along any axis. leaks: those that meet nothing, shadow
+        rays that meet nothing, and paths that get out within some bounces."""
         state = wp.rand_init(seed, wp.tid())
         o = center + (wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state)) * 2.0 - wp.vec3(1.0, 1.0, 1.0)) * inner
         d = wp.sample_unit_sphere_surface(state)

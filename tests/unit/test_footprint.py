@@ -10,7 +10,8 @@ import scenes
 
 import warpmis
 from warpmis.config import RenderConfig
-from warpmis.device.footprint import scene_bytes
+from warpmis.device.footprint import array_bytes, scene_bytes
+from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.geometry import Prototype
 from warpmis.integrator import Integrator, allocation_of
@@ -67,9 +68,18 @@ def grid(cells: int) -> warpmis.Scene:
 
 
 def test_bytes_per_triangle() -> None:
-    """Three rows of points, the corners twice, the record: whatever the triangles share."""
+    """The corners, the record, a share of the points, and of the tree: 40 for a place in a leaf, and its boxes."""
     small, large = (scene_bytes(upload(grid(cells), "cpu"))["geometry"] for cells in (8, 24))
-    assert large - small == (36 + 24 + 20) * 2 * (24**2 - 8**2)
+    triangles = 2 * (24**2 - 8**2)
+    tree = (large - small) / triangles - 12 - 20 - 12 * (25**2 - 9**2) / triangles
+    assert 40 < tree < 72
+
+
+def test_bytes_per_triangle_of_the_tree_for_a_gpu() -> None:
+    """Three rows of points, and the corners: whatever the triangles share."""
+    geometry = grid(24).geometry
+    (mesh,), rows = watertight_meshes(geometry.points, geometry.triangles, [0, len(geometry.triangles)], [1.0])
+    assert array_bytes([mesh.indices, rows]) == (36 + 12) * 2 * 24**2
 
 
 def test_bytes_per_instance() -> None:
@@ -83,7 +93,7 @@ def test_bytes_per_instance() -> None:
 
     none, few, many = scene_bytes(upload(grid(8), "cpu")), placed(3), placed(10)
     assert few["geometry"] == many["geometry"] == 2 * none["geometry"]
-    assert many["instances"] - few["instances"] == (10 - 3) * (104 + 24)
+    assert many["instances"] - few["instances"] == (10 - 3) * (112 + 24)
 
 
 def test_bytes_of_ids() -> None:

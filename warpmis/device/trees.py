@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.device.mesh import watertight_meshes
+from warpmis.device.open_nodes import open_nodes
 from warpmis.device.wide_tree import wide_trees
 
 
@@ -29,6 +30,11 @@ class Trees:
     handles: Sequence[int]
     fields: dict[str, Any]
     owned: tuple[Any, ...]
+
+
+def tree_kernels(device: str) -> list[wp.Kernel]:
+    """What `upload_trees` launches."""
+    return [open_nodes] if wp.get_device(device).is_cpu else []
 
 
 def upload_trees(
