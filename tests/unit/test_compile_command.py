@@ -59,10 +59,10 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "brighter.usda").write_text(BRIGHTER)
     done = run(folder, "compile", "stage.usda", "--camera", "Here", "--method", "murray20", "--json")
     report = json.loads(done.stdout)
-    assert (report["compiled"], report["cached"]) == (3, 0)
-    assert done.stderr.startswith("warpmis: stage.usda: 3 kernels compiled in ")
+    assert (report["compiled"], report["cached"]) == (4, 0)
+    assert done.stderr.startswith("warpmis: stage.usda: 4 kernels compiled in ")
     assert len(done.stderr.splitlines()) == 1  # the compiler itself says nothing
-    assert len(modules(folder)) == 3
+    assert len(modules(folder)) == 4  # trace, solver, whole samples, and the tree
     return folder
 
 
