@@ -1,8 +1,8 @@
 """What textures cost: the CPU time of a frame with them over that of the same frame with constant inputs.
 
-    python scripts/bench/textures.py [--size 2048] [--repeats 9]
+    python scripts/bench/textures.py [--size 2048] [--repeats 9] [--method auto]
 
-A wavy surface under a dome and a lamp, all in view; rounds of the same samples, the variants in turn, one thread.
+A wavy surface under a dome and a lamp, all in view; whole frames, learning included, the variants in turn, one thread.
 Medians over the repeats.
 """
 
@@ -15,16 +15,12 @@ import time
 
 import numpy as np
 
-from warpmis.config import RenderConfig
-from warpmis.device.upload import upload
-from warpmis.features import detect
+from warpmis import Progress, render
 from warpmis.geometry import Geometry
-from warpmis.integrator import Integrator, allocation_of
-from warpmis.learn.schedule import Round
 from warpmis.scene import Camera, DomeLight, Material, Prim, RectLight, Scene
 from warpmis.texture import Texture, TextureLookup
 
-SPP = 16
+SPP = 64
 
 
 def wavy_surface(side: int) -> Geometry:
@@ -83,26 +79,31 @@ def scene_of(geometry: Geometry, material: Material, width: int) -> Scene:
     return Scene("textures", camera, (width, width), geometry, (material,), (Prim("/surface"),), lights)
 
 
+def cpu_seconds(scene: Scene, method: str, seed: int) -> float:
+    """Of tracing and learning."""
+    began: list[float] = []
+
+    def clock(progress: Progress) -> None:
+        if not began and progress.phase in ("learn", "render"):
+            began.append(time.process_time())
+
+    render(scene, method=method, spp=SPP, max_depth=4, seed=seed, threads=1, progress=clock)
+    return time.process_time() - began[0]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", type=int, default=2048, help="of the square pictures (2048)")
     parser.add_argument("--width", type=int, default=96)
     parser.add_argument("--repeats", type=int, default=9)
-    parser.add_argument("--method", default="nee")
+    parser.add_argument("--method", default="auto")
     options = parser.parse_args()
     geometry = wavy_surface(300)
-    config = RenderConfig(method=options.method, max_depth=4, threads=1)
-    runs = {}
-    for name, material in materials(options.size).items():
-        scene = scene_of(geometry, material, options.width)
-        features = detect(scene).with_strategies(() if options.method == "nee" else config.strategies)
-        runs[name] = Integrator(upload(scene, "cpu"), features, config, allocation_of(config, *scene.resolution))
-    spent: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(options.repeats + 1):
-        for name, run in runs.items():
-            start = time.process_time()
-            run.trace(Round(0, SPP, learn=False), lambda samples: None)
-            spent[name].append(time.process_time() - start)
+    scenes = {name: scene_of(geometry, one, options.width) for name, one in materials(options.size).items()}
+    spent: dict[str, list[float]] = {name: [] for name in scenes}
+    for seed in range(options.repeats + 1):
+        for name, scene in scenes.items():
+            spent[name].append(cpu_seconds(scene, options.method, seed))
     base = spent["constant"]
     for name, seconds in spent.items():
         ratio = statistics.median(one / other for one, other in zip(seconds[1:], base[1:], strict=True))
