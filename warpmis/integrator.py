@@ -101,6 +101,7 @@ class Integrator:
         self.kernel = make_trace(features)
         self.learner = learner_of(features, config, (self.width, self.height))
         self.identify = identify_of(features, config)
+        # Here for those who build one alone; a render has compiled all of them before its upload.
         load_kernels((self.kernel, *self.learner.kernels, *self.identify), config.device)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()

@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 import warpmis.kernels.path as path_module
+from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.device.views import CameraView, SceneView
 from warpmis.features import Features, detect
@@ -102,6 +103,13 @@ def recording_kernel(features: Features) -> wp.Kernel:
             Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), 0.0, max_depth, 0)
 
     return run
+
+
+def warp_mesh_of(view: SceneView) -> wp.Mesh:
+    """The triangles of a scene on the CPU as a GPU would have them; the mesh keeps alive what it needs."""
+    points, triangles = view.points.numpy(), view.indices.numpy()
+    (mesh,), _rows = watertight_meshes(points, triangles, [0, len(triangles)], [float(np.ptp(points, axis=0).max())])
+    return mesh
 
 
 def make_bare_queries(cpu_flags: str | None) -> wp.Kernel:

@@ -28,14 +28,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import warp as wp
 from closed_room import write_closed_room
-from recorded_rays import make_bare_queries, record_rays
+from recorded_rays import make_bare_queries, record_rays, warp_mesh_of
 
 import warpmis
 from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
-from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.kernels.trace import CPU_FLAGS
@@ -88,9 +86,7 @@ def roofline(scene: warpmis.Scene, repeats: int, cpu_flags: str | None) -> Figur
     samples = 16
     capacity = scene.resolution[0] * scene.resolution[1] * samples * 20
     rays = record_rays(scene, samples, max_depth=8, capacity=capacity)
-    uploaded = upload(scene, "cpu").view
-    points, triangles = uploaded.points.numpy(), uploaded.indices.numpy()
-    (mesh,), _rows = watertight_meshes(points, triangles, [0, len(triangles)], [float(np.ptp(points, axis=0).max())])
+    mesh = warp_mesh_of(upload(scene, "cpu").view)
     columns = [wp.array(rays.origins, dtype=wp.vec3), wp.array(rays.directions, dtype=wp.vec3), wp.array(rays.lengths)]
     hits = wp.zeros(len(rays.lengths), dtype=float)
     run = integrator(scene, RenderConfig(method="nee", threads=1))

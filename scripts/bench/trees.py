@@ -13,11 +13,10 @@ import statistics
 import time
 from pathlib import Path
 
-import numpy as np
+from recorded_rays import warp_mesh_of
 
 import warpmis
 from warpmis.config import RenderConfig
-from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import Round
@@ -31,8 +30,7 @@ SPP = 32
 def gains(scene: warpmis.Scene, repeats: int) -> list[float]:
     config = RenderConfig(method="nee", threads=1)
     uploaded = upload(scene, "cpu")
-    points, triangles = uploaded.view.points.numpy(), uploaded.view.indices.numpy()
-    (mesh,), _rows = watertight_meshes(points, triangles, [0, len(triangles)], [float(np.ptp(points, axis=0).max())])
+    mesh = warp_mesh_of(uploaded.view)
     uploaded.view.mesh = mesh.id
     allocation = allocation_of(config, *scene.resolution)
     features = features_of(scene, config)
