@@ -63,8 +63,12 @@ def visited(tree: WideTreeView, low: NDArray[np.float32], high: NDArray[np.float
     for k in range(WIDTH):
         if bounds[0, 0, k] > bounds[0, 1, k]:
             continue
-        child = int(tree.children.numpy()[node, k])
-        inside, below = visited(tree, low, high, child) if child >= 0 else ([*set(tree.faces.numpy()[-1 - child])], 0)
+        child = int(tree.children.numpy()[WIDTH * node + k])
+        inside, below = (
+            visited(tree, low, high, child)
+            if child >= 0
+            else ([*set(tree.faces.numpy().reshape(-1, WIDTH)[-1 - child])], 0)
+        )
         assert (bounds[:, 0, k] <= low[inside]).all()
         assert (bounds[:, 1, k] >= high[inside]).all()
         faces, levels = [*faces, *inside], max(levels, below)

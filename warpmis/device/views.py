@@ -249,15 +249,16 @@ vec8i = wp.types.vector(length=8, dtype=wp.int32)
 class WideTreeView:
     """Trees over triangles for a CPU, one for each mesh, in common arrays (kernels/wide_tree.py).
 
-    bounds: six rows a node, of its eight boxes: lower x, upper x, lower y, and so on; children: of each box the node,
-    or -1 - leaf; corners: nine rows a leaf, of its eight triangles: x, y, z of the first corner, and so on; faces: of
-    each of them the row among its mesh's triangles. Triangles that fill a leaf up repeat its first one.
+    bounds: six rows a node, of its eight boxes: lower x, upper x, lower y, and so on; children: eight entries a node,
+    of each box the node, or -1 - leaf; corners: nine rows a leaf, of its eight triangles: x, y, z of the first corner,
+    and so on; faces: eight entries a leaf, of each triangle the row among its mesh's. Triangles that fill a leaf up
+    repeat its first one.
     """
 
     bounds: wp.array(dtype=vec8f)
-    children: wp.array(dtype=vec8i)
+    children: wp.array(dtype=int)
     corners: wp.array(dtype=vec8f)
-    faces: wp.array(dtype=vec8i)
+    faces: wp.array(dtype=int)
 
 
 @wp.struct

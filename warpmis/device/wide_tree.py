@@ -54,10 +54,12 @@ def wide_trees(
             ranges = np.stack([starts[is_node], ends[is_node]], axis=1)
             level += 1
     view = WideTreeView()
-    for name, parts, dtype in (("bounds", [e[0] for e in levels], vec8f), ("children", [e[1] for e in levels], vec8i)):
-        setattr(view, name, wp.array(np.concatenate(parts), dtype=dtype, device="cpu"))
-    for name, parts, dtype in (("corners", [e[0] for e in leaves], vec8f), ("faces", [e[1] for e in leaves], vec8i)):
-        setattr(view, name, wp.array(np.concatenate(parts), dtype=dtype, device="cpu"))
+    bounds, children = (np.concatenate(part) for part in zip(*levels, strict=True))
+    corners, faces = (np.concatenate(part) for part in zip(*leaves, strict=True))
+    view.bounds = wp.array(bounds, dtype=vec8f, device="cpu")
+    view.children = wp.array(children.ravel(), dtype=int, device="cpu")
+    view.corners = wp.array(corners, dtype=vec8f, device="cpu")
+    view.faces = wp.array(faces.ravel(), dtype=int, device="cpu")
     return view, roots
 
 

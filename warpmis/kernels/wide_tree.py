@@ -1,8 +1,9 @@
 """Rays through a tree of eight boxes a node and eight triangles a leaf, all eight tested at once.
 
-A vector of eight floats is what a CPU's SIMD registers hold, and the compiler keeps it there. For incoherent rays a
-wide node is the way to use them (Dammertz, Hanika, Keller 2008, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray
-Tracing of Incoherent Rays"). On a GPU, whose threads are its SIMD lanes, Warp's own tree of two boxes a node serves.
+A vector of eight floats is what a CPU's SIMD registers hold, and the compiler keeps it there as long as all eight go
+the same way (kernels/lanes.py). For incoherent rays a wide node is the way to use them (Dammertz, Hanika, Keller 2008,
+"Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays"). On a GPU, whose threads are its
+SIMD lanes, Warp's own tree of two boxes a node serves.
 
 No ray slips through the seam between two triangles: the signs of the edge functions decide, two triangles compute
 exactly opposite ones for their common edge, and where one is 0 a second look in double precision decides (Woop,
@@ -11,7 +12,8 @@ Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1)).
 
 import warp as wp
 
-from warpmis.device.views import WideTreeView, vec8f
+from warpmis.device.views import WideTreeView
+from warpmis.kernels.lanes import all_eight, lanes_up_to, lowest_bit
 
 wp.set_module_options({"enable_backward": False})
 
@@ -57,17 +59,6 @@ class Nearest:
 
 
 @wp.func
-def all_eight(x: float) -> vec8f:
-    return vec8f(x, x, x, x, x, x, x, x)
-
-
-@wp.func
-def lowest_bit(mask: int) -> int:
-    """The place of the lowest 1 in a mask that is not 0: the exponent of that bit as a float."""
-    return (wp.cast(float(mask & -mask), wp.int32) >> 23) - 127
-
-
-@wp.func
 def slab_ray(origin: wp.vec3, direction: wp.vec3) -> SlabRay:
     ray = SlabRay()
     ray.origin = origin
@@ -104,16 +95,17 @@ def boxes_met(tree: WideTreeView, node: int, ray: SlabRay, reach: float):
     far_z = (tree.bounds[row + 5 - ray.far[2]] - z) * ray.inverse[2]
     near = wp.max(wp.max(near_x, near_y), wp.max(near_z, all_eight(0.0)))
     far = wp.min(wp.min(far_x, far_y), wp.min(far_z, all_eight(reach)))
-    mask = int(0)
-    for i in range(8):
-        mask += wp.where(near[i] <= far[i], 1 << i, 0)
-    return mask, near
+    return lanes_up_to(near, far), near
 
 
 @wp.func
-def triangles_met(tree: WideTreeView, leaf: int, ray: SlabRay):
-    """A mask of the leaf's triangles on which the ray's line is inside or on an edge, and for all of them the edge
-    functions of the three corners, and how far from the line the corners are at most, along two axes."""
+def triangles_met(tree: WideTreeView, leaf: int, ray: SlabRay, reach: float):
+    """Two masks of the leaf's triangles: those that the ray meets nearer than `reach`, and those that it may meet.
+
+    Of the latter an edge function is 0, whose sign should decide; or they are needles, or in a grazing view, and their
+    edge functions are what rounding has left of larger products, and no weights to interpolate by. And for all of them
+    the distances, and the weights of the first two corners.
+    """
     x = all_eight(ray.origin[ray.kx])
     y = all_eight(ray.origin[ray.ky])
     z = all_eight(ray.origin[ray.kz])
@@ -130,14 +122,22 @@ def triangles_met(tree: WideTreeView, leaf: int, ray: SlabRay):
     u = wp.cw_mul(cx, by) - wp.cw_mul(cy, bx)
     v = wp.cw_mul(ax, cy) - wp.cw_mul(ay, cx)
     w = wp.cw_mul(bx, ay) - wp.cw_mul(by, ax)
+    zero = all_eight(0.0)
     lowest = wp.min(wp.min(u, v), w)
     highest = wp.max(wp.max(u, v), w)
-    mask = int(0)
-    for i in range(8):
-        mask += wp.where(wp.min(-lowest[i], highest[i]) <= 0.0, 1 << i, 0)
+    is_inside = lanes_up_to(wp.min(-lowest, highest), zero)
+    total = u + v + w
+    least = wp.min(wp.min(wp.abs(u), wp.abs(v)), wp.abs(w))
     across = wp.max(wp.max(wp.abs(ax), wp.abs(bx)), wp.abs(cx))
     up = wp.max(wp.max(wp.abs(ay), wp.abs(by)), wp.abs(cy))
-    return mask, u, v, w, wp.max(across, up)
+    size = wp.max(across, up)
+    is_thin = lanes_up_to(wp.abs(total), wp.cw_mul(size, size) * THIN)
+    in_doubt = is_inside & (lanes_up_to(least, zero) | is_thin)
+    scale = wp.cw_div(all_eight(1.0), total)
+    distance = wp.cw_mul((wp.cw_mul(u, az) + wp.cw_mul(v, bz) + wp.cw_mul(w, cz)) * ray.sz, scale)
+    is_in_reach = lanes_up_to(zero, distance) & ~lanes_up_to(all_eight(reach), distance)
+    met = is_inside & is_in_reach & ~in_doubt
+    return met, in_doubt, distance, wp.cw_mul(u, scale), wp.cw_mul(v, scale)
 
 
 @wp.func
@@ -161,22 +161,15 @@ def edges_exactly(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec3
 
 
 @wp.func
-def crossing(tree: WideTreeView, leaf: int, i: int, ray: SlabRay, edges: wp.vec3, size: float) -> Nearest:
-    """Where the ray's line crosses a triangle of the mask; face -1 where a second look finds that it does not.
-
-    The signs of `edges` have decided, unless one of them is 0. But of needles, or in a grazing view, they are what
-    rounding has left of products near `size` squared, and no weights to interpolate by.
-    """
+def crossing_exactly(tree: WideTreeView, leaf: int, i: int, ray: SlabRay) -> Nearest:
+    """Where the ray crosses a triangle that it may meet; face -1 where a second look finds that it does not."""
     found = Nearest()
     found.face = -1
     row = 9 * leaf
+    edges = edges_exactly(tree, row, i, ray)
     total = edges[0] + edges[1] + edges[2]
-    is_in_doubt = edges[0] == 0.0 or edges[1] == 0.0 or edges[2] == 0.0
-    if is_in_doubt or wp.abs(total) < THIN * size * size:
-        edges = edges_exactly(tree, row, i, ray)
-        total = edges[0] + edges[1] + edges[2]
-        if total == 0.0 or (is_in_doubt and wp.min(edges) < 0.0 and wp.max(edges) > 0.0):
-            return found
+    if total == 0.0 or (wp.min(edges) < 0.0 and wp.max(edges) > 0.0):
+        return found
     depths = wp.vec3(
         tree.corners[row + ray.kz][i], tree.corners[row + 3 + ray.kz][i], tree.corners[row + 6 + ray.kz][i]
     )
@@ -184,9 +177,29 @@ def crossing(tree: WideTreeView, leaf: int, i: int, ray: SlabRay, edges: wp.vec3
     scale = 1.0 / total
     found.distance = wp.dot(edges, depths) * ray.sz * scale
     if found.distance >= 0.0:
-        found.face = tree.faces[leaf][i]
+        found.face = tree.faces[8 * leaf + i]
         found.u = edges[0] * scale
         found.v = edges[1] * scale
+    return found
+
+
+@wp.func
+def nearest_in_leaf(tree: WideTreeView, leaf: int, ray: SlabRay, found: Nearest) -> Nearest:
+    """The closest triangle of the leaf, if it is nearer than what was found before; else that."""
+    mask, in_doubt, distances, u, v = triangles_met(tree, leaf, ray, found.distance)
+    while mask != 0:
+        i = lowest_bit(mask)
+        mask = mask & (mask - 1)
+        if distances[i] < found.distance:
+            found.distance = distances[i]
+            found.face = tree.faces[8 * leaf + i]
+            found.u = u[i]
+            found.v = v[i]
+    while in_doubt != 0:
+        here = crossing_exactly(tree, leaf, lowest_bit(in_doubt), ray)
+        in_doubt = in_doubt & (in_doubt - 1)
+        if here.face >= 0 and here.distance < found.distance:
+            found = here
     return found
 
 
@@ -208,7 +221,6 @@ def nearest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: w
         node = nodes[size]
         if node >= 0:
             mask, near = boxes_met(tree, node, ray, found.distance)
-            children = tree.children[node]
             first = size
             while mask != 0:
                 i = lowest_bit(mask)
@@ -220,23 +232,19 @@ def nearest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: w
                     nodes[place] = nodes[place - 1]
                     place -= 1
                 distances[place] = near[i]
-                nodes[place] = children[i]
+                nodes[place] = tree.children[8 * node + i]
                 size += 1
         else:
-            leaf = -1 - node
-            mask, u, v, w, spans = triangles_met(tree, leaf, ray)
-            while mask != 0:
-                i = lowest_bit(mask)
-                mask = mask & (mask - 1)
-                here = crossing(tree, leaf, i, ray, wp.vec3(u[i], v[i], w[i]), spans[i])
-                if here.face >= 0 and here.distance < found.distance:
-                    found = here
+            found = nearest_in_leaf(tree, -1 - node, ray, found)
     return found
 
 
 @wp.func
 def is_met_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp.vec3, reach: float) -> bool:
     """Whether there is any triangle nearer than `reach`."""
+    nothing = Nearest()
+    nothing.face = -1
+    nothing.distance = reach
     ray = slab_ray(origin, direction)
     nodes = stack_of_nodes()
     nodes[0] = root
@@ -246,18 +254,11 @@ def is_met_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp
         node = nodes[size]
         if node >= 0:
             mask, _near = boxes_met(tree, node, ray, reach)
-            children = tree.children[node]
             while mask != 0:
-                nodes[size] = children[lowest_bit(mask)]
+                nodes[size] = tree.children[8 * node + lowest_bit(mask)]
                 mask = mask & (mask - 1)
                 size += 1
         else:
-            leaf = -1 - node
-            mask, u, v, w, spans = triangles_met(tree, leaf, ray)
-            while mask != 0:
-                i = lowest_bit(mask)
-                mask = mask & (mask - 1)
-                here = crossing(tree, leaf, i, ray, wp.vec3(u[i], v[i], w[i]), spans[i])
-                if here.face >= 0 and here.distance < reach:
-                    return True
+            if nearest_in_leaf(tree, -1 - node, ray, nothing).face >= 0:
+                return True
     return False
