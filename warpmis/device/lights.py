@@ -142,6 +142,7 @@ def flat_record(light: RectLight | DiskLight) -> LightView:
     view.v = tuple(light.half_v)
     view.n = tuple(normal / length)
     view.dual_u, view.dual_v = (tuple(row) for row in np.linalg.pinv(np.stack([light.half_u, light.half_v], axis=1)))
+    view.lengths = (float(np.linalg.norm(light.half_u)), float(np.linalg.norm(light.half_v)))
     # A sheared rectangle is farthest at a corner; no point of an ellipse lies beyond the root of its axes' squares.
     corner = max(np.linalg.norm(light.half_u + light.half_v), np.linalg.norm(light.half_u - light.half_v))
     view.bound = float(corner if rect else np.hypot(np.linalg.norm(light.half_u), np.linalg.norm(light.half_v)))

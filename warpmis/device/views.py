@@ -161,7 +161,7 @@ class LightView:
     """One light that a direction can hit. The vectors mean what the kind says:
 
     rect: center, u and v half edges, n the emitting normal, dual_u and dual_v in their plane with dual_u . u = 1 and
-    dual_u . v = 0, the other likewise; disk: the same with half axes; sphere: center, radius;
+    dual_u . v = 0, the other likewise, lengths those of u and v; disk: the same with half axes; sphere: center, radius;
     cylinder: center, u half axis, radius; distant: n towards the light, one_minus_cos of its half angle; dome: nothing
     (DomeView has it); mesh: first and count into SceneView.emitter_*. All but distant and dome: bound is the radius of
     a sphere about center that holds the light. luminance is relative to the brightest light's.
@@ -173,6 +173,7 @@ class LightView:
     v: wp.vec3
     dual_u: wp.vec3
     dual_v: wp.vec3
+    lengths: wp.vec2
     n: wp.vec3
     radiance: wp.vec3
     luminance: float

@@ -1,4 +1,4 @@
-"""Rect lights: uniform over the solid angle where float32 bears it, over the area elsewhere.
+"""Rect lights: uniform over the solid angle where it pays and float32 bears it, over the area elsewhere.
 
 Reference: Urena, Fajardo, King (2013), "An Area-Preserving Parametrization for Spherical Rectangles".
 """
@@ -8,6 +8,7 @@ import warp as wp
 from warpmis.device.views import LightView
 from warpmis.kernels.light.area import pdf_of_area, plane_hit, sample_towards
 from warpmis.kernels.light.records import LightHit, LightSample
+from warpmis.kernels.warps import PI
 
 wp.set_module_options({"enable_backward": False})
 
@@ -15,87 +16,104 @@ wp.set_module_options({"enable_backward": False})
 # or with the rectangle's plane closer than this share of its farthest corner's distance, the area is sampled instead.
 MIN_SOLID_ANGLE = wp.constant(0.01)
 MIN_HEIGHT_SHARE = wp.constant(0.1)
+# So it is where half the diagonal's square is a smaller share of the distance's, too: the light falls off little across
+# the rectangle, and sampling its area takes a small part of the time (docs/performance.md).
+FAR = wp.constant(0.1)
 
 
 @wp.struct
 class SphericalRect:
-    """The rectangle in a frame at the shading point, x and y along its edges, z away from it, in units of its plane's
-    distance `height`: z0 = -1. Without a unit of length the products below stay in float32's range.
+    """The rectangle in a frame at the shading point, x and y along its edges, z its normal, in units of its plane's
+    distance `height`: it lies at z = -1. Without a unit of length the products below stay in float32's range.
 
-    strip0: solid angle, signed, of the strip from 0 to x0; solid_angle is 0 where float32 does not bear sampling it.
+    strip0: the strip from 0 to x0, as of strip_angle; solid_angle is 0 where the area is to be sampled instead.
     """
 
     ex: wp.vec3
     ey: wp.vec3
-    ez: wp.vec3
     x0: float
     x1: float
     y0: float
     y1: float
     height: float
-    strip0: float
+    strip0: wp.vec2
     solid_angle: float
 
 
 @wp.func
-def strip_angle(x: float, y0: float, y1: float) -> float:
-    """Solid angle, signed, of the rectangle from (0, y0) to (x, y1) at height 1.
+def strip_angle(x: float, y0: float, y1: float) -> wp.vec2:
+    """The rectangle from (0, y0) to (x, y1) at height 1 as a complex number, whose angle is its signed solid angle.
 
     The corner (x, y) subtends atan(x y / |(x, y, 1)|) with the axes; this is the difference of two such angles, each
-    below pi / 2, as the argument of a quotient of complex numbers.
+    below pi / 2, as a product of complex numbers. Its absolute value is (x^2 + 1) sqrt((y0^2 + 1) (y1^2 + 1)).
     """
     xx = x * x + 1.0
     r0 = wp.sqrt(xx + y0 * y0)
     r1 = wp.sqrt(xx + y1 * y1)
-    return wp.atan2(x * (y1 * r0 - y0 * r1), r0 * r1 + x * x * y0 * y1)
+    return wp.vec2(r0 * r1 + x * x * y0 * y1, x * (y1 * r0 - y0 * r1))
 
 
 @wp.func
 def spherical_rect(light: LightView, x: wp.vec3) -> SphericalRect:
+    """x: before the light's front."""
     r = SphericalRect()
-    half_x = wp.length(light.u)
-    half_y = wp.length(light.v)
-    r.ex = light.u / half_x
-    r.ey = light.v / half_y
-    r.ez = wp.cross(r.ex, r.ey)
+    half_x = light.lengths[0]
+    half_y = light.lengths[1]
+    r.ex = light.dual_u * half_x
+    r.ey = light.dual_v * half_y
     d = light.center - x
-    z0 = wp.dot(d, r.ez)
-    if z0 > 0.0:
-        r.ez = -r.ez
-    r.height = wp.abs(z0)
+    if wp.dot(light.lengths, light.lengths) < FAR * wp.dot(d, d):
+        return r
+    r.height = -wp.dot(d, light.n)
     cx = wp.dot(d, r.ex)
     cy = wp.dot(d, r.ey)
     far_x = wp.abs(cx) + half_x
     far_y = wp.abs(cy) + half_y
-    if z0 * z0 < MIN_HEIGHT_SHARE * MIN_HEIGHT_SHARE * (far_x * far_x + far_y * far_y):
+    if r.height * r.height < MIN_HEIGHT_SHARE * MIN_HEIGHT_SHARE * (far_x * far_x + far_y * far_y):
         return r
-    r.x0 = (cx - half_x) / r.height
-    r.x1 = (cx + half_x) / r.height
-    r.y0 = (cy - half_y) / r.height
-    r.y1 = (cy + half_y) / r.height
+    scale = 1.0 / r.height
+    r.x0 = (cx - half_x) * scale
+    r.x1 = (cx + half_x) * scale
+    r.y0 = (cy - half_y) * scale
+    r.y1 = (cy + half_y) * scale
     r.strip0 = strip_angle(r.x0, r.y0, r.y1)
-    r.solid_angle = strip_angle(r.x1, r.y0, r.y1) - r.strip0
+    strip1 = strip_angle(r.x1, r.y0, r.y1)
+    sine = strip1[1] * r.strip0[0] - strip1[0] * r.strip0[1]
+    cosine = strip1[0] * r.strip0[0] + strip1[1] * r.strip0[1]
+    r.solid_angle = wp.atan2(sine, cosine)
+    if r.solid_angle < -0.1:  # not by rounding: beyond a half turn, whose angles are counted from below
+        r.solid_angle += 2.0 * PI
     if r.solid_angle < MIN_SOLID_ANGLE:
         r.solid_angle = 0.0
     return r
 
 
 @wp.func
-def sample_spherical_rect(r: SphericalRect, u: float, v: float) -> wp.vec3:
-    """Direction (not normalised) from the shading point to a point uniform in solid angle."""
+def sample_spherical_rect(light: LightView, r: SphericalRect, u: float, v: float) -> LightSample:
+    """Uniform in solid angle."""
     # The strip from 0 to xu has the solid angle a: the paper's fu^2 + b0^2 - 1 = 1 / xu^2, with a = au - pi.
-    a = u * r.solid_angle + r.strip0
-    sin_a = wp.sin(a)
-    b0 = -r.y0 / wp.sqrt(1.0 + r.y0 * r.y0)
-    b1 = r.y1 / wp.sqrt(1.0 + r.y1 * r.y1)
-    slope2 = b0 * b0 + b1 * b1 + 2.0 * b0 * b1 * wp.cos(a) - sin_a * sin_a
+    inverse0 = 1.0 / (r.y0 * r.y0 + 1.0)
+    inverse1 = 1.0 / (r.y1 * r.y1 + 1.0)
+    inverse = wp.sqrt(inverse0 * inverse1)
+    sine = wp.sin(u * r.solid_angle)
+    cosine = wp.cos(u * r.solid_angle)
+    unit = r.strip0 * (inverse / (r.x0 * r.x0 + 1.0))
+    sin_a = unit[1] * cosine + unit[0] * sine
+    cos_a = unit[0] * cosine - unit[1] * sine
+    slope2 = r.y0 * r.y0 * inverse0 + r.y1 * r.y1 * inverse1 - 2.0 * r.y0 * r.y1 * inverse * cos_a - sin_a * sin_a
     xu = wp.clamp(sin_a / wp.sqrt(wp.max(slope2, 1.0e-30)), r.x0, r.x1)
     d2 = xu * xu + 1.0
     h0 = r.y0 / wp.sqrt(d2 + r.y0 * r.y0)
     h1 = r.y1 / wp.sqrt(d2 + r.y1 * r.y1)
     hv = h0 + v * (h1 - h0)
-    yv = wp.clamp(hv * wp.sqrt(d2 / wp.max(1.0 - hv * hv, 1.0e-12)), r.y0, r.y1)
-    return (r.ex * xu + r.ey * yv - r.ez) * r.height
+    away = wp.sqrt(d2 / wp.max(1.0 - hv * hv, 1.0e-12))
+    yv = wp.clamp(hv * away, r.y0, r.y1)
+    s = LightSample()
+    s.distance = away * r.height
+    s.wi = (r.ex * xu + r.ey * yv - light.n) / away
+    s.pdf_solid_angle = 1.0 / r.solid_angle
+    s.radiance = light.radiance
+    return s
 
 
 @wp.func
@@ -105,13 +123,7 @@ def sample_rect(light: LightView, x: wp.vec3, u: float, v: float) -> LightSample
     if light.solid_angle_sampling != 0:
         r = spherical_rect(light, x)
         if r.solid_angle > 0.0:
-            s = LightSample()
-            to_light = sample_spherical_rect(r, u, v)
-            s.distance = wp.length(to_light)
-            s.wi = to_light / s.distance
-            s.pdf_solid_angle = 1.0 / r.solid_angle
-            s.radiance = light.radiance
-            return s
+            return sample_spherical_rect(light, r, u, v)
     point = light.center + light.u * (2.0 * u - 1.0) + light.v * (2.0 * v - 1.0)
     return sample_towards(light, x, point, light.n)
 
