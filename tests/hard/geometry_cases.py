@@ -193,7 +193,7 @@ GEOMETRY_CASES = [
     HardCase(
         "scene-scaled-by-1e-6-of-fine-triangles",
         trouble="the cross product of edges 1e-12 long, squared, underflows: no normal, a black surface",
-        remedy="edges are made about 1 long first (kernels/frame.py: normal_of_edges)",
+        remedy="normals are computed once, in double (device/mesh.py: front_normals)",
         build=scaled(1e-6, patchwork(), floor(1e-4, -1e-3, "Below", 0.0), view=camera(half_width=2e-5)),
         mean=scattered(1.0),
     ),

@@ -13,7 +13,7 @@ from warpmis.device.mesh import padded_boxes
 from warpmis.device.views import WideTreeView
 from warpmis.device.wide_tree import HALVING_LEVEL, WIDTH, wide_trees
 from warpmis.kernels.trace import CPU_FLAGS
-from warpmis.kernels.wide_tree import STACK_SIZE, is_met_in_tree, nearest_in_tree
+from warpmis.kernels.wide_tree import LEVELS, STACK_SIZE, is_met_in_tree, nearest_in_tree
 
 Soup = tuple[NDArray[np.float32], NDArray[np.int32]]
 
@@ -89,6 +89,7 @@ def test_no_tree_needs_more_than_the_stack() -> None:
     """Seven children of each level wait, and the last level's eighth: of as many triangles as an index can count."""
     most = HALVING_LEVEL + math.ceil(math.log(2**31, WIDTH))
     assert 7 * most + 1 <= STACK_SIZE
+    assert most <= LEVELS
 
 
 @wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)

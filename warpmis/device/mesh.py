@@ -74,3 +74,11 @@ def watertight_meshes(
     rows[: len(points)].assign(points)
     indices.assign(triangles.ravel())
     return meshes, rows
+
+
+def front_normals(points: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Unit normal of each triangle's front, of any size, shape (n, 3); 0 where it has none."""
+    corners = points.astype(np.float64)[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0).astype(np.float32)

@@ -16,7 +16,7 @@ from warpmis.device.environment import distribution
 from warpmis.device.instances import largest_shrinking, upload_instances
 from warpmis.device.lights import LightTables, light_tables
 from warpmis.device.materials import MaterialTables, material_tables, texels_of, upload_materials
-from warpmis.device.mesh import padded_boxes
+from warpmis.device.mesh import front_normals, padded_boxes
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.records import records
 from warpmis.device.trees import upload_trees
@@ -205,7 +205,8 @@ def upload_surfaces(
     material = geometry.materials * 2 + double_sided[geometry.prims]
     light = np.full(len(geometry.triangles), -1, dtype=np.int32)
     light[: len(tables.triangle_light)] = tables.triangle_light
-    columns = {"normals": geometry.normal_indices, "material": material, "light": light}
+    front = front_normals(geometry.points, geometry.triangles)
+    columns = {"n": front, "normals": geometry.normal_indices, "material": material, "light": light}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
     materials = material_tables(scene)
     texels = uploads.texels_of(materials, device) if uploads else upload_texels(materials, device)

@@ -49,10 +49,11 @@ RGB = -1
 class TriangleView:
     """What a hit needs beside the position: one record a triangle.
 
-    normals: rows of SceneView.normals, or -1 for a flat triangle; light: index of the mesh light that the triangle
-    belongs to, or -1.
+    n: unit normal of its front, 0 where it has none; normals: rows of SceneView.normals, or -1 for a flat triangle;
+    light: index of the mesh light that the triangle belongs to, or -1.
     """
 
+    n: wp.vec3
     normals: wp.vec3i
     material: int
     light: int

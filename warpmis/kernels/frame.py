@@ -46,16 +46,3 @@ def luminance(color: wp.vec3) -> float:
 @wp.func
 def max_abs(v: wp.vec3) -> float:
     return wp.max(wp.abs(v[0]), wp.max(wp.abs(v[1]), wp.abs(v[2])))
-
-
-@wp.func
-def normal_of_edges(e1: wp.vec3, e2: wp.vec3) -> wp.vec3:
-    """Unit normal of the triangle with these edges, of any size; 0 where it has none.
-
-    The edges are made about 1 long first: the fourth power of a length, which the cross product's length is the root
-    of, leaves float32's range below 1e-11 and above 4e9.
-    """
-    longest = wp.max(max_abs(e1), max_abs(e2))
-    if longest == 0.0:
-        return wp.vec3(0.0, 0.0, 0.0)
-    return wp.normalize(wp.cross(e1 / longest, e2 / longest))

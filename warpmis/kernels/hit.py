@@ -6,7 +6,7 @@ import warp as wp
 
 from warpmis.device.views import SceneView
 from warpmis.features import Features
-from warpmis.kernels.frame import max_abs, normal_of_edges
+from warpmis.kernels.frame import max_abs
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.wide_tree import Nearest, is_met_in_tree, nearest_in_tree
 
@@ -128,6 +128,6 @@ def make_hit(features: Features) -> SimpleNamespace:
         hit.v = found.v
         hit.offset = OFFSET * wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
         hit.p = inner_point(p0, p1, p2, found.u, found.v, inset_of(p1 - p0, p2 - p0, hit.offset))
-        return facing(hit, normal_of_edges(p1 - p0, p2 - p0), wi)
+        return facing(hit, scene.triangles[found.face].n, wi)
 
     return SimpleNamespace(nearest=nearest, is_met=is_met, closest_hit=closest_hit)

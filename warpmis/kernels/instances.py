@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import InstanceView, SceneView
-from warpmis.kernels.frame import max_abs, normal_of_edges
+from warpmis.kernels.frame import max_abs
 from warpmis.kernels.hit import OFFSET, Hit, facing, inner_point, inset_of
 
 wp.set_module_options({"enable_backward": False})
@@ -82,7 +82,7 @@ def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
     p0 = scene.points[corners[0]]
     p1 = scene.points[corners[1]]
     p2 = scene.points[corners[2]]
-    n = normal_of_edges(p1 - p0, p2 - p0)
+    n = scene.triangles[hit.triangle].n
     carried = normal_to_world(scene, hit.instance, n)
     corner = wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
     p = inner_point(p0, p1, p2, hit.u, hit.v, 0.0)

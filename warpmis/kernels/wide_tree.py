@@ -17,10 +17,12 @@ from warpmis.kernels.lanes import all_eight, lanes_up_to, lowest_bit
 
 wp.set_module_options({"enable_backward": False})
 
-# Nodes and leaves still to be visited; device/wide_tree.py builds no tree that needs more.
+# Nodes and leaves still to be visited, and levels; device/wide_tree.py builds no tree that needs more.
 STACK_SIZE = 128
+LEVELS = 20
 stack_of_nodes = wp.types.vector(length=STACK_SIZE, dtype=wp.int32)
 stack_of_distances = wp.types.vector(length=STACK_SIZE, dtype=wp.float32)
+stack_of_levels = wp.types.vector(length=LEVELS, dtype=wp.int32)
 
 # Components of a direction count as no smaller, so that their inverses are finite.
 LEAST = wp.constant(1.0e-20)
@@ -246,19 +248,27 @@ def is_met_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp
     nothing.face = -1
     nothing.distance = reach
     ray = slab_ray(origin, direction)
-    nodes = stack_of_nodes()
-    nodes[0] = root
-    size = int(1)
-    while size > 0:
-        size -= 1
-        node = nodes[size]
-        if node >= 0:
-            mask, _near = boxes_met(tree, node, ray, reach)
-            while mask != 0:
-                nodes[size] = tree.children[8 * node + lowest_bit(mask)]
-                mask = mask & (mask - 1)
-                size += 1
-        else:
-            if nearest_in_leaf(tree, -1 - node, ray, nothing).face >= 0:
+    # Of each node on the way here, the boxes that are still to be visited.
+    nodes = stack_of_levels()
+    masks = stack_of_levels()
+    level = int(0)
+    node = int(root)
+    mask, _near = boxes_met(tree, node, ray, reach)
+    while True:
+        if mask != 0:
+            child = tree.children[8 * node + lowest_bit(mask)]
+            mask = mask & (mask - 1)
+            if child >= 0:
+                nodes[level] = node
+                masks[level] = mask
+                level += 1
+                node = child
+                mask, _near = boxes_met(tree, node, ray, reach)
+            elif nearest_in_leaf(tree, -1 - child, ray, nothing).face >= 0:
                 return True
-    return False
+        elif level > 0:
+            level -= 1
+            node = nodes[level]
+            mask = masks[level]
+        else:
+            return False

@@ -10,7 +10,6 @@ import warp as wp
 
 from warpmis.device.views import LightView, SceneView
 from warpmis.features import Features
-from warpmis.kernels.frame import normal_of_edges
 from warpmis.kernels.light.area import pdf_of_area
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import LightHit, LightSample
@@ -55,7 +54,7 @@ def hit_emitter_triangle(scene: SceneView, light: LightView, triangle: int, x: w
     if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0 or t <= 0.0:
         return hit
     hit.distance = t
-    hit.pdf_solid_angle = pdf_mesh(light, normal_of_edges(e1, e2), wi, t)
+    hit.pdf_solid_angle = pdf_mesh(light, scene.triangles[triangle].n, wi, t)
     return hit
 
 
@@ -77,7 +76,7 @@ def make_mesh(features: Features) -> SimpleNamespace:
         if s.distance == 0.0:
             return s
         s.wi = to_light / s.distance
-        s.pdf_solid_angle = pdf_mesh(light, normal_of_edges(e1, e2), s.wi, s.distance)
+        s.pdf_solid_angle = pdf_mesh(light, scene.triangles[triangle].n, s.wi, s.distance)
         s.radiance = light.radiance
         if wp.static(features.textures or features.vertex_colors):
             s.radiance = materials.at(scene, triangle, 1.0 - b[0] - b[1], b[0]).emission
