@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -24,11 +25,15 @@ from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.kernels.identify import make_identify
 from warpmis.kernels.rng import lattice_step
-from warpmis.kernels.trace import LEARN_ALL, LEARN_DIRECT, LEARN_NOTHING, make_trace
+from warpmis.kernels.trace import make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
 from warpmis.learn.schedule import Round
 from warpmis.metrics import squared_scale
+
+# What kernels without a mixture take for shares and moments.
+vec1f = wp.types.vector(length=1, dtype=wp.float32)
+vec1d = wp.types.vector(length=1, dtype=wp.float64)
 
 # Pixel samples of one launch: some tens of milliseconds on a CPU thread, so that progress moves and threads share.
 CPU_LAUNCH = 1 << 15
@@ -79,7 +84,31 @@ def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
     """
     check_device(config.device)
     kernels = [*learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
-    return [make_trace(features), *kernels, *tree_kernels(config.device)]
+    return [*trace_kernels(features), *kernels, *tree_kernels(config.device)]
+
+
+def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
+    """For rounds that learn; for the others; and in these for pixels that have left the mixture.
+
+    Where learning takes no statistics the second is the first, and where no pixel can leave the third is the second.
+    """
+    shared = features.with_strategies(features.strategies)
+    left = features.with_strategies(()) if "pair" in features.statistics else shared
+    return make_trace(features), make_trace(shared), make_trace(left)
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """The launches of a round that go through one kernel, and where their samples go.
+
+    left: 1 where they are for the pixels that have left the mixture, 0 where for the others.
+    """
+
+    kernel: wp.Kernel
+    left: int
+    allocation: wp.array
+    film: FilmView
+    moments: wp.array
 
 
 class Integrator:
@@ -98,11 +127,11 @@ class Integrator:
         self.pixels = self.width * self.height
         self.count = len(features.strategies)
         self.start_allocation = allocation
-        self.kernel = make_trace(features)
+        kernels = self.learn_kernel, self.kernel, self.left_kernel = trace_kernels(features)
         self.learner = learner_of(features, config, (self.width, self.height))
         self.identify = identify_of(features, config)
         # Here for those who build one alone; a render has compiled all of them before its upload.
-        load_kernels((self.kernel, *self.learner.kernels, *self.identify), config.device)
+        load_kernels((*kernels, *self.learner.kernels, *self.identify), config.device)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self._allocate()
@@ -114,6 +143,22 @@ class Integrator:
         self.allocation = wp.array(shares, dtype=vec_s, device=device)
         self.learn_film = allocate_film(self.pixels if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
+        # For pixels without a mixture: no shares, and no moments.
+        self.nothing = (wp.zeros(1, dtype=vec1f, device=device), wp.zeros(1, dtype=vec1d, device=device))
+
+    def _passes(self, learn: bool) -> tuple[list[Pass], wp.array]:
+        """Those of a round, and which pixels have left the mixture; empty if all go through the same pass."""
+        left = np.zeros(0, dtype=np.uint8)
+        if learn:
+            passes = [Pass(self.learn_kernel, 0, self.allocation, self.learn_film, self.learner.moments)]
+        else:
+            passes = [Pass(self.kernel, 0, self.allocation, self.film, self.learner.plain_moments)]
+            if self.left_kernel is not self.kernel:
+                left = (self.allocation.numpy().sum(axis=1) == 0.0).astype(np.uint8)
+                both = [*passes, Pass(self.left_kernel, 1, self.nothing[0], self.film, self.nothing[1])]
+                passes = [one for one in both if (left == one.left).any()]
+                left = left if len(passes) == 2 else left[:0]
+        return passes, wp.array(left, dtype=wp.uint8, device=self.config.device)
 
     def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
         """Trace one round, or a piece of its samples; the pieces in turn are the round.
@@ -123,10 +168,11 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
+        passes, left = self._passes(part.learn)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
-            self._launch(part, samples, *job)
+            self._launch(passes, left, part, samples, *job)
             with lock:
                 advance(job[1] * len(samples))
 
@@ -156,20 +202,21 @@ class Integrator:
         for first in range(0, self.pixels, pixels):
             yield first, min(pixels, self.pixels - first)
 
-    def _launch(self, part: Round, samples: range, first_pixel: int, pixels: int) -> None:
+    def _launch(
+        self, passes: list[Pass], left: wp.array, part: Round, samples: range, first_pixel: int, pixels: int
+    ) -> None:
         # The error is told by how far the pieces of a watched render are apart: each has a sequence of its own.
         begin, length = part.first_sample, part.samples
         if self.config.sampler == "sobol":
             begin, length = samples.start, len(samples)
-        inputs = [self.scene.view, self.scene.camera, first_pixel, begin, samples.start, len(samples)]
-        inputs += [self.config.seed]
+        numbers = [begin, samples.start, len(samples), self.config.seed, self.config.max_depth]
         stratified = int(self.config.strategy_choice == "stratified")
-        learn = LEARN_NOTHING
-        if part.learn:
-            learn = LEARN_DIRECT if self.config.how.direct_only else LEARN_ALL
-        inputs += [self.config.max_depth, stratified, lattice_step(length), self.allocation, learn]
-        inputs += [self.learn_film if part.learn else self.film, self.learner.moments]
-        wp.launch(self.kernel, dim=pixels, inputs=inputs, device=self.config.device)
+        direct_only = int(part.learn and self.config.how.direct_only)
+        numbers += [stratified, lattice_step(length)]
+        for one in passes:
+            inputs = [self.scene.view, self.scene.camera, first_pixel, left, one.left, *numbers]
+            inputs += [one.allocation, direct_only, one.film, one.moments]
+            wp.launch(one.kernel, dim=pixels, inputs=inputs, device=self.config.device)
         if self.is_cuda:
             wp.synchronize_device(self.config.device)
 
@@ -227,7 +274,7 @@ class Integrator:
         shared = (shares.sum(axis=1) > 0.0).reshape(variance.shape)
         if not shared.any():
             return {}
-        excess = excess_variance_bound(self.learner.moments.numpy(), shares, samples)
+        excess = excess_variance_bound(self.learner.plain_moments.numpy(), shares, samples)
         excess = np.minimum(excess.reshape(variance.shape), variance)  # none can save more than there is
         scale = np.maximum(squared_scale(image), 1e-30)
         whole = float((variance / scale)[shared].sum())

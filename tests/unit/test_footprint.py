@@ -22,12 +22,12 @@ from warpmis.texture import PrimvarLookup
 FILM = 132
 SUMS = 29 * 8
 # Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more in float32 with their weights,
-# the guide to the pixel's neighbours, and variance and cost.
+# the guide to the pixel's neighbours, variance and cost, and the plain moments of the last round.
 PER_PIXEL = {
     "nee": FILM,
     "balance": FILM + 2 * 4 + 5 * 8,
     "murray20": 2 * FILM + 2 * 4 + 5 * 8,
-    "auto": 2 * FILM + 2 * 4 + 2 * SUMS + 2 * 4 + 32 + 8,
+    "auto": 2 * FILM + 2 * 4 + 2 * SUMS + 2 * 4 + 32 + 8 + 5 * 8,
 }
 # And of a row of pixels: its sum and count.
 PER_ROW = {"auto": SUMS // 2 + 4}

@@ -99,12 +99,11 @@ def make_path(features: Features) -> SimpleNamespace:
         allocation: vec_s,
         u_strategy: float,
         max_depth: int,
-        learns: int,
     ) -> PathSample:
         """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit.
 
         Surfaces beyond `reach` are not in view. u_strategy chooses at the first vertex that scatters: the strategy of
-        the mixture's direction, then a light and a lobe. learns: not 0 where something is to be learned from pairs.
+        the mixture's direction, then a light and a lobe.
         """
         path = PathSample()
         path.throughput = 1.0
@@ -239,9 +238,9 @@ def make_path(features: Features) -> SimpleNamespace:
                     L = wp.vec3(0.0, 0.0, 0.0)
                     arrival = MIXTURE
                     if wp.static(paired):
-                        # A pixel without shares goes by next-event estimation.
+                        # Of a pixel without shares.
                         if not strategies.is_shared(allocation):
-                            arrival = wp.where(learns != 0, PAIRED, WEIGHTED)
+                            arrival = PAIRED
                 if arrival == MIXTURE:
                     # Until the direction's densities are known the path is of the strategy that drew it alone.
                     path.q = strategies.drawn_by(strategy, allocation)

@@ -14,11 +14,6 @@ from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
 from warpmis.kernels.sampler import make_sampler
 
-# What a round is learned from. One from which nothing is learned has moments too: they tell how good its shares are.
-LEARN_NOTHING = wp.constant(0)
-LEARN_ALL = wp.constant(1)
-LEARN_DIRECT = wp.constant(2)
-
 # On a CPU the minima and maxima of the tree's traversal are an instruction each, instead of several, where NaN need not
 # be kept: a fifth of the whole time. What does become NaN is told by its bits, which the compiler leaves alone.
 # The compiler's warnings (-w: none) are about Warp's own source, and would be all that a user sees of a first render.
@@ -79,6 +74,8 @@ def make_trace(features: Features) -> wp.Kernel:
         scene: SceneView,
         camera: CameraView,
         first_pixel: int,
+        left: wp.array(dtype=wp.uint8),
+        of_left: int,
         round_start: int,
         first_sample: int,
         samples: int,
@@ -87,13 +84,17 @@ def make_trace(features: Features) -> wp.Kernel:
         stratified: int,
         choice_step: wp.uint32,
         allocation: wp.array(dtype=vec_s),
-        learn: int,
+        direct_only: int,
         film: FilmView,
         moment_sums: wp.array(dtype=vec_k),
     ):
         if wp.static(signature) < 0:
             return
         pixel = first_pixel + wp.tid()
+        # Pixels that left the mixture have a kernel of their own.
+        if left.shape[0] > 0:
+            if int(left[pixel]) != of_left:
+                return
         key = rng.RngKey()
         key.seed = seed
         key.pixel = wp.uint32(pixel)
@@ -119,7 +120,7 @@ def make_trace(features: Features) -> wp.Kernel:
             u_strategy = u[2]
             if stratified != 0:
                 u_strategy = rng.lattice(key, choice_step)
-            sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth, learn)
+            sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
@@ -137,32 +138,31 @@ def make_trace(features: Features) -> wp.Kernel:
             alpha += wp.float64(sample.alpha)
             hits += sample.hit
             if wp.static(learns):
-                sums = moments.add(sums, wp.where(learn == LEARN_DIRECT, sample.direct, sample.mixed), sample.q)
+                sums = moments.add(sums, wp.where(direct_only != 0, sample.direct, sample.mixed), sample.q)
                 if wp.static(len(features.statistics) > 0):
-                    if learn != LEARN_NOTHING:
-                        # Those of a path that the mixture took no part in are the same whatever the shares are.
-                        cost = float(sample.rays) + SHADOW_RAY_COST * float(sample.shadow_rays)
-                        early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
-                        if wp.static(path.paired):
-                            indirect = sample.mixed - sample.light - sample.direct
-                            s_bsdf = sample.q[wp.static(path.strategies.bsdf)]
-                            sums = moments.add_pair(
-                                sums,
-                                sample.light,
-                                sample.light_share,
-                                sample.direct,
-                                indirect,
-                                sample.late,
-                                sample.throughput,
-                                s_bsdf,
-                                early - SHADOW_RAY_COST * float(sample.light_rays),
-                                cost - early,
-                                sample.light_rays,
-                            )
-                        else:
-                            sums = moments.add_statistics(
-                                sums, sample.mixed, sample.late, sample.throughput, early, cost - early, sample.q, a
-                            )
+                    # Those of a path that the mixture took no part in are the same whatever the shares are.
+                    cost = float(sample.rays) + SHADOW_RAY_COST * float(sample.shadow_rays)
+                    early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
+                    if wp.static(path.paired):
+                        indirect = sample.mixed - sample.light - sample.direct
+                        s_bsdf = sample.q[wp.static(path.strategies.bsdf)]
+                        sums = moments.add_pair(
+                            sums,
+                            sample.light,
+                            sample.light_share,
+                            sample.direct,
+                            indirect,
+                            sample.late,
+                            sample.throughput,
+                            s_bsdf,
+                            early - SHADOW_RAY_COST * float(sample.light_rays),
+                            cost - early,
+                            sample.light_rays,
+                        )
+                    else:
+                        sums = moments.add_statistics(
+                            sums, sample.mixed, sample.late, sample.throughput, early, cost - early, sample.q, a
+                        )
         film.color[pixel] = film.color[pixel] + color
         accepted = film.accepted[pixel]
         film.luminance[pixel] = merged(film.luminance[pixel], accepted, lum, samples - rejected)

@@ -39,6 +39,8 @@ class Learner:
 
     Attributes:
         moments: sums over the samples since the round began, or over all rounds if the method keeps them.
+        plain_moments: of a round from which nothing is learned, without statistics: they tell how good its shares are.
+            The same buffer where the method takes none.
     """
 
     def __init__(
@@ -52,6 +54,10 @@ class Learner:
         self.layout = Layout(self.count if self.count > 1 else 0, method.statistics)
         pixels = self.width * self.height
         self.moments = wp.zeros(pixels if self.layout.size else 1, dtype=self.layout.vec, device=device)
+        self.plain_moments = self.moments
+        if method.statistics:
+            plain = Layout(self.layout.strategies)
+            self.plain_moments = wp.zeros(pixels if plain.size else 1, dtype=plain.vec, device=device)
         if method.solver == "candidates":
             self.solver = make_candidates(self.layout, stratified)
             self.efficiency = wp.zeros(pixels, dtype=wp.vec2, device=device)
@@ -71,7 +77,7 @@ class Learner:
     def buffers(self) -> list[Any]:
         """All that is kept on the device, among what is not."""
         pooling = vars(self.neighbours).values() if self.neighbours else ()
-        return [*vars(self).values(), *pooling]
+        return list({id(buffer): buffer for buffer in (*vars(self).values(), *pooling)}.values())
 
     @property
     def min_share(self) -> float:
@@ -79,8 +85,10 @@ class Learner:
         return 2.0 * self.method.min_share / self.count
 
     def begin_round(self, learn: bool) -> None:
-        """The round that renders starts anew for every method: its moments tell how good the shares are."""
-        if not (learn and self.method.keeps):
+        """The round that renders starts anew for every method."""
+        if not learn:
+            self.plain_moments.zero_()
+        elif not self.method.keeps:
             self.moments.zero_()
 
     def step(self, allocation: wp.array, film: FilmView, samples: int, launch: Launch) -> None:
