@@ -40,6 +40,8 @@ CPU_LAUNCH = 1 << 15
 GPU_LAUNCH = 1 << 24
 # Pixels of one launch of a solver kernel on a CPU thread.
 CPU_SOLVER_LAUNCH = 1 << 13
+# Launches of a round shrink towards its end, to as small a part.
+SMALLEST = 16
 
 
 def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
@@ -134,6 +136,7 @@ class Integrator:
         load_kernels((*kernels, *self.learner.kernels, *self.identify), config.device)
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
+        self.pool = ThreadPoolExecutor(self.threads)
         self._allocate()
 
     def _allocate(self) -> None:
@@ -184,19 +187,33 @@ class Integrator:
             for job in jobs:
                 launch(job)
             return
-        with ThreadPoolExecutor(self.threads) as pool:
-            # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
-            pending = {pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
+        # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
+        pending = {self.pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
+        try:
             while pending:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
                 for future in done:
                     future.result()
-                pending |= {pool.submit(launch, job) for job in islice(jobs, len(done))}
+                pending |= {self.pool.submit(launch, job) for job in islice(jobs, len(done))}
+        finally:
+            # An interrupt's caller reads what the launches write.
+            wait(pending)
 
     def _jobs(self, samples: int) -> Iterator[tuple[int, int]]:
-        """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread."""
-        size = GPU_LAUNCH if self.is_cuda else CPU_LAUNCH
-        return self._stretches(max(1, size // samples))
+        """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread.
+
+        Among several threads fewer pixels towards the end, so that all have done at once.
+
+        Reference: Polychronopoulos, Kuck (1987), "Guided Self-Scheduling".
+        """
+        most = max(1, (GPU_LAUNCH if self.is_cuda else CPU_LAUNCH) // samples)
+        least = most if self.threads == 1 else max(1, most // SMALLEST)
+        first = 0
+        while first < self.pixels:
+            left = self.pixels - first
+            count = min(left, most, max(least, left // (2 * self.threads)))
+            yield first, count
+            first += count
 
     def _stretches(self, pixels: int) -> Iterator[tuple[int, int]]:
         for first in range(0, self.pixels, pixels):
@@ -243,7 +260,8 @@ class Integrator:
         def launch(job: tuple[int, int]) -> None:
             wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
 
-        self._run(launch, self._stretches(self.pixels if self.is_cuda else CPU_SOLVER_LAUNCH))
+        most = self.pixels if self.is_cuda else CPU_SOLVER_LAUNCH
+        self._run(launch, self._stretches(min(most, -(-self.pixels // self.threads))))
 
     def color_sums(self) -> NDArray[np.float64]:
         """Sum of all samples' radiance so far, shape (H, W, 3)."""

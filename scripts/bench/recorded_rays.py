@@ -100,7 +100,7 @@ def recording_kernel(features: Features) -> wp.Kernel:
             key.sample = wp.uint32(k)
             u = rng.uniform4(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u[0], u[1])
-            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), 0.0, max_depth, 0)
+            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), 0.0, max_depth)
 
     return run
 

@@ -139,6 +139,21 @@ def test_allocation_map_is_used_per_pixel() -> None:
     assert mapped.allocation == pytest.approx(shares, abs=1e-6)
 
 
+def test_each_pixel_goes_through_its_own_estimator_s_kernel() -> None:
+    """Of a round of `auto` whose pixels have left the mixture here and there: bit for bit what the others render."""
+    scene = scenes.room(12)
+    left = np.random.default_rng(5).random((12, 12)) < 0.4
+    config = warpmis.RenderConfig(method="auto", spp=8)
+    features = detect(scene).with_strategies(config.strategies, config.how.statistics)
+    shares = np.where(left.reshape(-1, 1), 0.0, 0.5).repeat(2, axis=1).astype(np.float32)
+    run = integrator.Integrator(upload(scene, "cpu"), features, config, shares)
+    run.trace(Round(0, 8, learn=False), lambda samples: None)
+    image = download_film(run.film, 12, 12).image()
+    next_event, shared = (warpmis.render(scene, method=method, spp=8).image for method in ("nee", "balance"))
+    assert (next_event != shared).any(axis=-1).mean() > 0.5
+    np.testing.assert_array_equal(image, np.where(left[..., None], next_event, shared))
+
+
 def test_device_that_is_not_there_is_named() -> None:
     with pytest.raises(warpmis.ConfigError, match="no device 'cuda:7'"):
         warpmis.render(scenes.room(), device="cuda:7")
