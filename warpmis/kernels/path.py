@@ -263,7 +263,6 @@ def make_path(features: Features) -> SimpleNamespace:
 
             if wp.dot(wi, hit.ng) <= 0.0:
                 break
-            wi = wp.normalize(wi)
             local = to_local(frame, wi)
             scattering = surface.evaluate(s, local)
             pdf_bsdf = scattering.pdf_solid_angle

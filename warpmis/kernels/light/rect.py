@@ -17,7 +17,7 @@ wp.set_module_options({"enable_backward": False})
 MIN_SOLID_ANGLE = wp.constant(0.01)
 MIN_HEIGHT_SHARE = wp.constant(0.1)
 # So it is where half the diagonal's square is a smaller share of the distance's, too: the light falls off little across
-# the rectangle, and sampling its area takes a small part of the time (docs/performance.md).
+# the rectangle, and sampling its area takes a small part of the time.
 FAR = wp.constant(0.1)
 
 

@@ -93,13 +93,16 @@ def make_lights(features: Features) -> SimpleNamespace:
                     r.finite += of_light
                 else:
                     r.infinite += of_light
-                p = of_light / r.total
-                if left < p:
-                    left = left / p
+                # As if left < of_light / total, with one division for both outcomes.
+                left = left * r.total
+                width = of_light
+                if left < of_light:
                     r.chosen = i
                     r.chosen_importance = of_light
                 else:
-                    left = (left - p) / (1.0 - p)
+                    left = left - of_light
+                    width = r.total - of_light
+                left = left / width
         return r
 
     @wp.func
