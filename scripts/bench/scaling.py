@@ -5,8 +5,8 @@
 time    of a sample in a round of 16, 64, 256 and 1024 samples per pixel, over that of all rounds together: 1 if linear
 memory  bytes of the scene by what they are for, and of a pixel
 
-CPU time of one thread, medians of interleaved rounds with their quartiles. A round costs a part of a millisecond whatever
-it traces: of a picture 24 pixels wide that is several percent of 16 samples.
+CPU time of one thread, medians of interleaved rounds with their quartiles. A round costs a part of a millisecond
+whatever it traces: of a picture 24 pixels wide that is several percent of 16 samples.
 """
 
 from __future__ import annotations
