@@ -6,7 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -63,6 +63,12 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
     return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
 
 
+def without_shares(shares: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which pixels go by next-event estimation, of shares of shape (pixels, S)."""
+    left: NDArray[np.bool_] = shares.sum(axis=1) == 0.0
+    return left
+
+
 def available_cpus() -> int:
     """CPUs that this process may use, where the system tells them from all that there are."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -103,11 +109,13 @@ def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 class Pass:
     """The launches of a round that go through one kernel, and where their samples go.
 
-    left: 1 where they are for the pixels that have left the mixture, 0 where for the others.
+    left: 1 for each pixel that has left the mixture, and `of_left` 1 where the launches are for these, 0 where for the
+    others; `left` is empty where they are for all.
     """
 
     kernel: wp.Kernel
-    left: int
+    left: wp.array
+    of_left: int
     allocation: wp.array
     film: FilmView
     moments: wp.array
@@ -149,19 +157,21 @@ class Integrator:
         # For pixels without a mixture: no shares, and no moments.
         self.nothing = (wp.zeros(1, dtype=vec1f, device=device), wp.zeros(1, dtype=vec1d, device=device))
 
-    def _passes(self, learn: bool) -> tuple[list[Pass], wp.array]:
-        """Those of a round, and which pixels have left the mixture; empty if all go through the same pass."""
-        left = np.zeros(0, dtype=np.uint8)
+    def _passes(self, learn: bool) -> list[Pass]:
+        """Those of a round: one, or two where some pixels have left the mixture and others have not."""
+        device = self.config.device
+        everyone = wp.empty(0, dtype=wp.uint8, device=device)
         if learn:
-            passes = [Pass(self.learn_kernel, 0, self.allocation, self.learn_film, self.learner.moments)]
-        else:
-            passes = [Pass(self.kernel, 0, self.allocation, self.film, self.learner.plain_moments)]
-            if self.left_kernel is not self.kernel:
-                left = (self.allocation.numpy().sum(axis=1) == 0.0).astype(np.uint8)
-                both = [*passes, Pass(self.left_kernel, 1, self.nothing[0], self.film, self.nothing[1])]
-                passes = [one for one in both if (left == one.left).any()]
-                left = left if len(passes) == 2 else left[:0]
-        return passes, wp.array(left, dtype=wp.uint8, device=self.config.device)
+            return [Pass(self.learn_kernel, everyone, 0, self.allocation, self.learn_film, self.learner.moments)]
+        shared = Pass(self.kernel, everyone, 0, self.allocation, self.film, self.learner.plain_moments)
+        if self.left_kernel is self.kernel:
+            return [shared]
+        left = without_shares(self.allocation.numpy())
+        apart = Pass(self.left_kernel, everyone, 1, self.nothing[0], self.film, self.nothing[1])
+        if left.all() or not left.any():
+            return [apart if left.all() else shared]
+        which = wp.array(left.astype(np.uint8), dtype=wp.uint8, device=device)
+        return [replace(one, left=which) for one in (shared, apart)]
 
     def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
         """Trace one round, or a piece of its samples; the pieces in turn are the round.
@@ -171,11 +181,11 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        passes, left = self._passes(part.learn)
+        passes = self._passes(part.learn)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
-            self._launch(passes, left, part, samples, *job)
+            self._launch(passes, part, samples, *job)
             with lock:
                 advance(job[1] * len(samples))
 
@@ -219,9 +229,7 @@ class Integrator:
         for first in range(0, self.pixels, pixels):
             yield first, min(pixels, self.pixels - first)
 
-    def _launch(
-        self, passes: list[Pass], left: wp.array, part: Round, samples: range, first_pixel: int, pixels: int
-    ) -> None:
+    def _launch(self, passes: list[Pass], part: Round, samples: range, first_pixel: int, pixels: int) -> None:
         # The error is told by how far the pieces of a watched render are apart: each has a sequence of its own.
         begin, length = part.first_sample, part.samples
         if self.config.sampler == "sobol":
@@ -231,7 +239,7 @@ class Integrator:
         direct_only = int(part.learn and self.config.how.direct_only)
         numbers += [stratified, lattice_step(length)]
         for one in passes:
-            inputs = [self.scene.view, self.scene.camera, first_pixel, left, one.left, *numbers]
+            inputs = [self.scene.view, self.scene.camera, first_pixel, one.left, one.of_left, *numbers]
             inputs += [one.allocation, direct_only, one.film, one.moments]
             wp.launch(one.kernel, dim=pixels, inputs=inputs, device=self.config.device)
         if self.is_cuda:
@@ -271,13 +279,12 @@ class Integrator:
     def allocation_map(self) -> NDArray[np.float32]:
         """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""
         shares = self.allocation.numpy() if self.count else self.start_allocation
-        left = shares.sum(axis=1, keepdims=True) == 0.0
-        shares = np.where(left, np.float32(1.0 / shares.shape[1]), shares)
+        shares = np.where(without_shares(shares)[:, None], np.float32(1.0 / shares.shape[1]), shares)
         return shares.reshape(self.height, self.width, -1)
 
     def next_event_share(self) -> float:
         """Share of the pixels that have left the mixture for next-event estimation."""
-        return float((self.allocation.numpy().sum(axis=1) == 0.0).mean())
+        return float(without_shares(self.allocation.numpy()).mean())
 
     def certificate(self, variance: NDArray[np.float32], image: NDArray[np.float32]) -> dict[str, float]:
         """How much of the relative variance other shares could have saved at most, from 0 to 1.
@@ -289,7 +296,7 @@ class Integrator:
         if self.learner.layout.size == 0 or not samples.any():
             return {}
         shares = self.allocation.numpy()
-        shared = (shares.sum(axis=1) > 0.0).reshape(variance.shape)
+        shared = ~without_shares(shares).reshape(variance.shape)
         if not shared.any():
             return {}
         excess = excess_variance_bound(self.learner.plain_moments.numpy(), shares, samples)

@@ -142,13 +142,13 @@ def flat_record(light: RectLight | DiskLight) -> LightView:
     view.v = tuple(light.half_v)
     view.n = tuple(normal / length)
     view.dual_u, view.dual_v = (tuple(row) for row in np.linalg.pinv(np.stack([light.half_u, light.half_v], axis=1)))
-    view.lengths = (float(np.linalg.norm(light.half_u)), float(np.linalg.norm(light.half_v)))
+    half_x, half_y = (float(np.linalg.norm(half)) for half in (light.half_u, light.half_v))
+    view.lengths = (half_x, half_y)
     # A sheared rectangle is farthest at a corner; no point of an ellipse lies beyond the root of its axes' squares.
     corner = max(np.linalg.norm(light.half_u + light.half_v), np.linalg.norm(light.half_u - light.half_v))
-    view.bound = float(corner if rect else np.hypot(np.linalg.norm(light.half_u), np.linalg.norm(light.half_v)))
+    view.bound = float(corner if rect else np.hypot(half_x, half_y))
     view.area = (4.0 if rect else np.pi) * length
-    product = np.linalg.norm(light.half_u) * np.linalg.norm(light.half_v)
-    view.solid_angle_sampling = int(rect and abs(light.half_u @ light.half_v) < 1e-6 * product)
+    view.solid_angle_sampling = int(rect and abs(light.half_u @ light.half_v) < 1e-6 * half_x * half_y)
     return view
 
 

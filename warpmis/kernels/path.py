@@ -236,19 +236,17 @@ def make_path(features: Features) -> SimpleNamespace:
                     mixed = bounces
                     path.seen = L
                     L = wp.vec3(0.0, 0.0, 0.0)
-                    arrival = MIXTURE
-                    if wp.static(paired):
-                        # Of a pixel without shares.
-                        if not strategies.is_shared(allocation):
-                            arrival = PAIRED
-                if arrival == MIXTURE:
-                    # Until the direction's densities are known the path is of the strategy that drew it alone.
-                    path.q = strategies.drawn_by(strategy, allocation)
-                    drawn = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
-                    wi = drawn.wi
-                    r.drawn = drawn.light
-                    r.drawn_distance = drawn.distance
-                    r.drawn_pdf = drawn.pdf_of_light
+                    # Pairs are taken before any pixel has shares.
+                    arrival = wp.static(PAIRED if paired else MIXTURE)
+                if wp.static(not paired):
+                    if arrival == MIXTURE:
+                        # Until the direction's densities are known the path is of the strategy that drew it alone.
+                        path.q = strategies.drawn_by(strategy, allocation)
+                        drawn = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
+                        wi = drawn.wi
+                        r.drawn = drawn.light
+                        r.drawn_distance = drawn.distance
+                        r.drawn_pdf = drawn.pdf_of_light
             if wp.static(has_next_event):
                 if arrival >= WEIGHTED:
                     from_light = direct_light.from_light_sample(scene, r, frame, hit.ng, s, u_light)

@@ -35,13 +35,6 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
     vec_s = wp.types.vector(length=max(count, 1), dtype=wp.float32)
 
     @wp.func
-    def is_shared(allocation: vec_s) -> bool:
-        total = float(0.0)
-        for s in range(wp.static(count)):
-            total += allocation[s]
-        return total > 0.0
-
-    @wp.func
     def choose(allocation: vec_s, u: float) -> int:
         """The strategy s with probability allocation[s]; never one of share 0."""
         chosen = int(-1)
@@ -170,7 +163,6 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return p
 
     return SimpleNamespace(
-        is_shared=is_shared,
         choose=choose,
         left_of=left_of,
         drawn_by=drawn_by,

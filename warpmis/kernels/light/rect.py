@@ -57,13 +57,13 @@ def strip_angle(x: float, y0: float, y1: float) -> wp.vec2:
 def spherical_rect(light: LightView, x: wp.vec3) -> SphericalRect:
     """x: before the light's front."""
     r = SphericalRect()
+    d = light.center - x
+    if wp.dot(light.lengths, light.lengths) < FAR * wp.dot(d, d):
+        return r
     half_x = light.lengths[0]
     half_y = light.lengths[1]
     r.ex = light.dual_u * half_x
     r.ey = light.dual_v * half_y
-    d = light.center - x
-    if wp.dot(light.lengths, light.lengths) < FAR * wp.dot(d, d):
-        return r
     r.height = -wp.dot(d, light.n)
     cx = wp.dot(d, r.ex)
     cy = wp.dot(d, r.ey)
