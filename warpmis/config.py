@@ -17,7 +17,7 @@ from warpmis.methods import METHODS, Method
 STRATEGIES = ("bsdf", "light", "uniform", "cosine", "area", "dome", "diffuse", "specular")
 DEFAULT_STRATEGIES = ("bsdf", "light")
 STRATEGY_CHOICES = ("stratified", "random")
-SAMPLERS = ("independent", "sobol")
+SAMPLERS = ("lattice", "independent")
 
 # Strategies whose densities are positive wherever the integrand is: a mixture needs one of them.
 COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular")
@@ -81,7 +81,7 @@ class RenderConfig:
         threads: CPU threads; None takes what the process may use.
         strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, and over the lights and lobes
             that the first vertex chooses among; "random" draws each anew.
-        sampler: "independent" numbers, or those of a scrambled "sobol" sequence, which fills each pixel more evenly.
+        sampler: "lattice": up to the first vertex numbers that fill each pixel evenly; "independent": none do.
         ids: also tell which prim, place and face the middle of each pixel sees.
         mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.
         learn: for the methods that learn.
@@ -93,7 +93,7 @@ class RenderConfig:
     strategies: tuple[str, ...] = DEFAULT_STRATEGIES
     allocation: NDArray[np.float32] | tuple[float, ...] | None = None
     strategy_choice: str = "stratified"
-    sampler: str = "independent"
+    sampler: str = "lattice"
     mis_compensation: bool = False
     max_depth: int = 8
     seed: int = 0
@@ -135,6 +135,14 @@ class RenderConfig:
     def stops(self) -> bool:
         """Whether something else than the number of samples may end the render."""
         return self.target_error is not None or self.time_limit is not None
+
+    @property
+    def learn_stride(self) -> int:
+        """Learning looks at one pixel alone of each cell of so many by so many pixels.
+
+        At all of them where the render is watched, whose parts need as many samples of every pixel.
+        """
+        return self.how.learn_stride if not self.stops else 1
 
     @property
     def _learn_budget(self) -> int:

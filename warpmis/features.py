@@ -36,7 +36,7 @@ class Features:
         indirect: light by way of more than one surface: some surface reflects, and paths are long enough.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
-        sampler: what the numbers of a path are: independent, or a Sobol sequence.
+        sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
         tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
     """
 
@@ -71,7 +71,7 @@ class Features:
     indirect: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
-    sampler: str = "independent"
+    sampler: str = "lattice"
     tree: str = "wide"
 
     @property
@@ -89,7 +89,7 @@ class Features:
     def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
         return replace(self, strategies=strategies, statistics=statistics)
 
-    def with_sampler(self, sampler: str = "independent") -> Features:
+    def with_sampler(self, sampler: str = "lattice") -> Features:
         return replace(self, sampler=sampler)
 
     def with_tree(self, tree: str) -> Features:

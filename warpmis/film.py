@@ -11,6 +11,13 @@ from numpy.typing import NDArray
 Float64Array = NDArray[np.float64]
 
 
+def spread_out(cells: NDArray[Any], stride: int, width: int, height: int) -> NDArray[Any]:
+    """Numbers of cells of stride x stride pixels as those of each one's first pixel, 0 elsewhere; shape (H, W, ...)."""
+    pixels = np.zeros((height, width, *cells.shape[2:]), dtype=cells.dtype)
+    pixels[::stride, ::stride] = cells
+    return pixels
+
+
 @dataclass(frozen=True, eq=False)
 class Film:
     """Sums over the samples of each pixel, row 0 on top.
@@ -52,6 +59,10 @@ class Film:
             depth=self.depth + other.depth,
             alpha=self.alpha + other.alpha,
         )
+
+    def spread_out(self, stride: int, width: int, height: int) -> Film:
+        """As samples of the first pixel alone of each cell of stride x stride, the film's pixels being the cells."""
+        return Film(**{name: spread_out(sums, stride, width, height) for name, sums in vars(self).items()})
 
     def image(self) -> NDArray[np.float32]:
         """Mean linear Rec.709 radiance, shape (H, W, 3); black where no sample was taken in."""

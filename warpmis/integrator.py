@@ -16,15 +16,17 @@ from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import load_kernels
-from warpmis.device.film import allocate_film
+from warpmis.device.film import allocate_film, download_film
 from warpmis.device.footprint import array_bytes, scene_bytes
 from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import DeviceScene, check_device
 from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
+from warpmis.film import Film
+from warpmis.generating_vector import lattice_length
 from warpmis.kernels.identify import make_identify
-from warpmis.kernels.rng import lattice_step
+from warpmis.kernels.lattice import lattice_steps
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
@@ -40,6 +42,8 @@ CPU_LAUNCH = 1 << 15
 GPU_LAUNCH = 1 << 24
 # Pixels of one launch of a solver kernel on a CPU thread.
 CPU_SOLVER_LAUNCH = 1 << 13
+# Points of the lattices of a watched render.
+WATCHED_LATTICE = 16
 # Launches of a round shrink towards its end, to as small a part.
 SMALLEST = 16
 
@@ -76,7 +80,8 @@ def available_cpus() -> int:
 
 def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
     stratified = config.strategy_choice == "stratified"
-    return Learner(config.how, features.strategies, size, stratified, config.device)
+    lattice = config.sampler == "lattice"
+    return Learner(config.how, features.strategies, size, stratified, config.device, config.learn_stride, lattice)
 
 
 def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
@@ -109,13 +114,12 @@ def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 class Pass:
     """The launches of a round that go through one kernel, and where their samples go.
 
-    left: 1 for each pixel that has left the mixture, and `of_left` 1 where the launches are for these, 0 where for the
-    others; `left` is empty where they are for all.
+    groups, group: the launches are for the pixels of this group; `groups` is empty where they are for all.
     """
 
     kernel: wp.Kernel
-    left: wp.array
-    of_left: int
+    groups: wp.array
+    group: int
     allocation: wp.array
     film: FilmView
     moments: wp.array
@@ -139,6 +143,7 @@ class Integrator:
         self.start_allocation = allocation
         kernels = self.learn_kernel, self.kernel, self.left_kernel = trace_kernels(features)
         self.learner = learner_of(features, config, (self.width, self.height))
+        self.stride = self.learner.stride
         self.identify = identify_of(features, config)
         # Here for those who build one alone; a render has compiled all of them before its upload.
         load_kernels((*kernels, *self.learner.kernels, *self.identify), config.device)
@@ -152,7 +157,11 @@ class Integrator:
         vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
         shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
         self.allocation = wp.array(shares, dtype=vec_s, device=device)
-        self.learn_film = allocate_film(self.pixels if self.config.how.learns else 0, device)
+        # What is learned: of the cells, from their films.
+        self.learned = self.allocation
+        if self.stride > 1:
+            self.learned = wp.array(shares[: self.learner.cells], dtype=vec_s, device=device)
+        self.learn_film = allocate_film(self.learner.cells if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
         # For pixels without a mixture: no shares, and no moments.
         self.nothing = (wp.zeros(1, dtype=vec1f, device=device), wp.zeros(1, dtype=vec1d, device=device))
@@ -162,7 +171,7 @@ class Integrator:
         device = self.config.device
         everyone = wp.empty(0, dtype=wp.uint8, device=device)
         if learn:
-            return [Pass(self.learn_kernel, everyone, 0, self.allocation, self.learn_film, self.learner.moments)]
+            return [Pass(self.learn_kernel, everyone, 0, self.learned, self.learn_film, self.learner.moments)]
         shared = Pass(self.kernel, everyone, 0, self.allocation, self.film, self.learner.plain_moments)
         if self.left_kernel is self.kernel:
             return [shared]
@@ -171,7 +180,16 @@ class Integrator:
         if left.all() or not left.any():
             return [apart if left.all() else shared]
         which = wp.array(left.astype(np.uint8), dtype=wp.uint8, device=device)
-        return [replace(one, left=which) for one in (shared, apart)]
+        return [replace(one, groups=which) for one in (shared, apart)]
+
+    def _taken(self, part: Round, samples: range) -> NDArray[np.int64]:
+        """How many of the samples each pixel takes; each cell, where it learns."""
+        if part.learn:
+            return np.full(self.learner.cells, len(samples))
+        taken = np.full((self.height, self.width), len(samples))
+        if part.pilot:
+            taken[:: self.stride, :: self.stride] = len(range(max(samples.start, part.pilot), samples.stop))
+        return taken.reshape(-1)
 
     def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
         """Trace one round, or a piece of its samples; the pieces in turn are the round.
@@ -181,15 +199,15 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        passes = self._passes(part.learn)
+        passes, taken = self._passes(part.learn), self._taken(part, samples)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
             self._launch(passes, part, samples, *job)
             with lock:
-                advance(job[1] * len(samples))
+                advance(int(taken[job[0] : sum(job)].sum()))
 
-        self._run(launch, self._jobs(len(samples)))
+        self._run(launch, self._jobs(len(taken), len(samples)))
 
     def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
         """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
@@ -209,7 +227,7 @@ class Integrator:
             # An interrupt's caller reads what the launches write.
             wait(pending)
 
-    def _jobs(self, samples: int) -> Iterator[tuple[int, int]]:
+    def _jobs(self, pixels: int, samples: int) -> Iterator[tuple[int, int]]:
         """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread.
 
         Among several threads fewer pixels towards the end, so that all have done at once.
@@ -219,29 +237,38 @@ class Integrator:
         most = max(1, (GPU_LAUNCH if self.is_cuda else CPU_LAUNCH) // samples)
         least = most if self.threads == 1 else max(1, most // SMALLEST)
         first = 0
-        while first < self.pixels:
-            left = self.pixels - first
+        while first < pixels:
+            left = pixels - first
             count = min(left, most, max(least, left // (2 * self.threads)))
             yield first, count
             first += count
 
-    def _stretches(self, pixels: int) -> Iterator[tuple[int, int]]:
-        for first in range(0, self.pixels, pixels):
-            yield first, min(pixels, self.pixels - first)
+    @staticmethod
+    def _stretches(count: int, most: int) -> Iterator[tuple[int, int]]:
+        for first in range(0, count, most):
+            yield first, min(most, count - first)
 
-    def _launch(self, passes: list[Pass], part: Round, samples: range, first_pixel: int, pixels: int) -> None:
-        # The error is told by how far the pieces of a watched render are apart: each has a sequence of its own.
-        begin, length = part.first_sample, part.samples
-        if self.config.sampler == "sobol":
-            begin, length = samples.start, len(samples)
-        numbers = [begin, samples.start, len(samples), self.config.seed, self.config.max_depth]
+    def _lattices(self, part: Round, samples: range) -> tuple[int, int]:
+        """The sample at which the first lattice of a piece of a round begins, and the points of each lattice.
+
+        The error of a watched render is told by how far its pieces are apart: each has lattices of its own. They are of
+        one length, so that the error falls as if samples were independent, and its future can be told.
+        """
+        if self.config.stops:
+            return samples.start, min(WATCHED_LATTICE, len(samples))
+        return part.sequence.start, lattice_length(len(part.sequence))
+
+    def _launch(self, passes: list[Pass], part: Round, samples: range, first: int, count: int) -> None:
         stratified = int(self.config.strategy_choice == "stratified")
         direct_only = int(part.learn and self.config.how.direct_only)
-        numbers += [stratified, lattice_step(length)]
+        pilot = -1 if part.learn else part.pilot
+        start, length = self._lattices(part, samples)
+        numbers = [start, length, samples.start, samples.stop, self.config.seed, self.config.max_depth]
+        numbers += [stratified, lattice_steps(length)]
         for one in passes:
-            inputs = [self.scene.view, self.scene.camera, first_pixel, one.left, one.of_left, *numbers]
+            inputs = [self.scene.view, self.scene.camera, first, self.stride, pilot, one.groups, one.group, *numbers]
             inputs += [one.allocation, direct_only, one.film, one.moments]
-            wp.launch(one.kernel, dim=pixels, inputs=inputs, device=self.config.device)
+            wp.launch(one.kernel, dim=count, inputs=inputs, device=self.config.device)
         if self.is_cuda:
             wp.synchronize_device(self.config.device)
 
@@ -257,28 +284,53 @@ class Integrator:
             inputs = [self.scene.view, self.scene.camera, job[0], found]
             wp.launch(kernel, dim=job[1], inputs=inputs, device=self.config.device)
 
-        self._run(launch, self._stretches(GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
+        self._run(launch, self._stretches(self.pixels, GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
         return found.numpy().reshape(self.height, self.width, 3).copy()
 
-    def solve(self, samples: int) -> None:
-        """One step of the method's solver from the moments of the rounds so far, for a round of so many samples."""
-        self.learner.step(self.allocation, self.learn_film, samples, self._launch_solver)
+    def solve(self, following: Round | None) -> None:
+        """One step of the method's solver from the moments of the rounds so far, and shares for the round to come."""
+        self.learner.step(self.learned, self.learn_film, self._launch_solver)
+        samples = lattice_length(following.samples) if following else 0
+        self.learner.make_whole(self.learned, samples, self._launch_solver)
+        if self.stride > 1:
+            shares = self._learned_map()
+            # Those of the pilot go on with what they have begun with: their own samples must not decide.
+            shares[:: self.stride, :: self.stride] = 0.0
+            self.allocation.assign(shares.reshape(self.pixels, -1))
+
+    def _learned_map(self) -> NDArray[np.float32]:
+        """What each pixel's cell has learned, shape (H, W, S)."""
+        cells = self.learned.numpy().reshape(self.learner.height, self.learner.width, -1)
+        pixels = cells.repeat(self.stride, axis=0).repeat(self.stride, axis=1)
+        return np.ascontiguousarray(pixels[: self.height, : self.width])
 
     def _launch_solver(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
         def launch(job: tuple[int, int]) -> None:
             wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
 
-        most = self.pixels if self.is_cuda else CPU_SOLVER_LAUNCH
-        self._run(launch, self._stretches(min(most, -(-self.pixels // self.threads))))
+        cells = self.learner.cells
+        most = cells if self.is_cuda else CPU_SOLVER_LAUNCH
+        self._run(launch, self._stretches(cells, min(most, -(-cells // self.threads))))
+
+    def download(self) -> tuple[Film, ...]:
+        """The samples of the learn rounds, where there are any, and then all others."""
+        final = download_film(self.film, self.width, self.height)
+        if not self.config.how.learns:
+            return (final,)
+        learned = download_film(self.learn_film, self.learner.width, self.learner.height)
+        return learned.spread_out(self.stride, self.width, self.height), final
 
     def color_sums(self) -> NDArray[np.float64]:
         """Sum of all samples' radiance so far, shape (H, W, 3)."""
-        sums = np.sum([film.color.numpy() for film in self.films], axis=0)
-        return sums.reshape(self.height, self.width, 3)
+        sums: NDArray[np.float64] = np.sum([film.color for film in self.download()], axis=0)
+        return sums
 
     def allocation_map(self) -> NDArray[np.float32]:
-        """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part."""
-        shares = self.allocation.numpy() if self.count else self.start_allocation
+        """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part.
+
+        Of a pilot's pixels, which go on with next-event estimation, those that their neighbours in the cell have.
+        """
+        shares = self._learned_map().reshape(self.pixels, -1) if self.count else self.start_allocation
         shares = np.where(without_shares(shares)[:, None], np.float32(1.0 / shares.shape[1]), shares)
         return shares.reshape(self.height, self.width, -1)
 
@@ -316,5 +368,6 @@ class Integrator:
 
     def bytes(self) -> dict[str, Any]:
         """Device memory of the scene by what it is for, and of the picture: films, shares, and what learning keeps."""
-        picture = array_bytes([*self.films, self.allocation, *self.learner.buffers])
+        shares = [self.allocation] if self.stride == 1 else [self.allocation, self.learned]
+        picture = array_bytes([*self.films, *shares, *self.learner.buffers])
         return {"scene": scene_bytes(self.scene), "picture": picture}

@@ -27,6 +27,8 @@ class Method:
             less variance x cost.
         learn_share: share of the budget that is spent on learning unless the caller says otherwise.
         max_rounds: most learn rounds that the budget may be divided into.
+        learn_stride: one pixel of each cell of so many by so many takes the learning samples, and all of the cell the
+            shares that it finds.
     """
 
     summary: str
@@ -42,6 +44,7 @@ class Method:
     next_event: bool = False
     learn_share: float = 0.5
     max_rounds: int = 8
+    learn_stride: int = 1
 
     @property
     def learns(self) -> bool:
@@ -112,5 +115,6 @@ METHODS: dict[str, Method] = {
         next_event=True,
         learn_share=0.125,
         max_rounds=1,
+        learn_stride=2,
     ),
 }

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from warpmis.config import LearnConfig, RenderConfig, checked_integer
 from warpmis.device.compilation import Compilation, load_kernels
-from warpmis.device.film import download_film
 from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.device.upload import upload
 from warpmis.errors import ConfigError, Interrupted
@@ -210,7 +209,7 @@ def render_scene(
             if watch is not None and watch.stopped:
                 break
             if part.learn:
-                integrator.solve(rounds[number].samples if number < len(rounds) else 0)
+                integrator.solve(rounds[number] if number < len(rounds) else None)
                 if config.learn.keep_maps:
                     maps.append(integrator.allocation_map())
     except KeyboardInterrupt:
@@ -250,8 +249,7 @@ def result_of(
     maps: list[NDArray[np.float32]],
 ) -> RenderResult:
     """Merge the films: every sample is in the image, the variance is the last allocation's."""
-    width, height = scene.resolution
-    *learned, final = (download_film(film, width, height) for film in integrator.films)
+    *learned, final = integrator.download()
     film = learned[0].merge(final) if learned else final
     # An interrupted last round has pixels without samples.
     spread = final if (final.count + final.rejected).min() > 1 else film

@@ -32,7 +32,7 @@ class RenderResult:
             shape (H, W) float32.
         samples: number of samples, shape (H, W).
         variance: variance of one sample's luminance estimate, shape (H, W) float32. A picture of samples that are
-            spread evenly (the strategy choice "stratified", the sampler "sobol") has less noise than as many
+            spread evenly (the strategy choice "stratified", the sampler "lattice") has less noise than as many
             independent ones.
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.

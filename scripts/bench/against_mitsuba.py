@@ -3,9 +3,10 @@
     python scripts/bench/against_mitsuba.py [SCENE ...] [--spp 64] [--seeds 8] [--repeats 5] [--json FILE]
 
 Needs the extra `peer`. Scenes are those that tests/peer/mitsuba_scene.py converts; both renderers have the same
-resolution, box filter, independent samples (but for warpmis's choice of strategy), number of bounces and Russian
-roulette, and all the threads there are. Mitsuba's multiple importance sampling is by the power heuristic. Where a path
-passes one of our lights, Mitsuba counts a bounce: its paths are a little shorter there.
+resolution, box filter, number of bounces and Russian roulette, and all the threads there are, and each its own sampler:
+warpmis the one by default, Mitsuba that of --their-sampler, "independent" if nothing is said, as it is by default.
+Mitsuba's multiple importance sampling is by the power heuristic. Where a path passes one of our lights, Mitsuba counts
+a bounce: its paths are a little shorter there.
 
 variance    of a pixel between the pictures of `--seeds` seeds, relative to its squared brightness (warpmis/metrics.py:
             squared_scale, of the mean of all pictures), mean over the pixels without each renderer's worst 0.1 %
@@ -83,11 +84,17 @@ def ours(scene: warpmis.Scene, method: str, spp: int, max_depth: int) -> Rendere
     return render
 
 
-def theirs(scene: warpmis.Scene, variant: str, spp: int, max_depth: int) -> Renderer:
+def theirs(scene: warpmis.Scene, variant: str, sampler: str, spp: int, max_depth: int) -> Renderer:
     width, height = scene.resolution
     mi.set_variant(variant)
     built = to_mitsuba(
-        scene, spp=spp, max_depth=max_depth, width=width, height=height, roulette_depth=int(roulette.DEPTH)
+        scene,
+        spp=spp,
+        max_depth=max_depth,
+        width=width,
+        height=height,
+        roulette_depth=int(roulette.DEPTH),
+        sampler=sampler,
     )
 
     def render(seed: int) -> tuple[Picture, float]:
@@ -126,7 +133,7 @@ def compare(scene: warpmis.Scene, variants: list[str], arguments: argparse.Names
     """The quotients of each pair "method / variant", one a repeat."""
     spp, max_depth, seeds = arguments.spp, arguments.max_depth, arguments.seeds
     renderers = {name: ours(scene, name, spp, max_depth) for name in METHODS}
-    renderers |= {name: theirs(scene, name, spp, max_depth) for name in variants}
+    renderers |= {name: theirs(scene, name, arguments.their_sampler, spp, max_depth) for name in variants}
     for render in renderers.values():
         render(WARM_UP_SEED)
     pairs: dict[str, list[Quotients]] = {f"{method} / {variant}": [] for variant in variants for method in METHODS}
@@ -167,6 +174,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--max-depth", type=int, default=8)
     parser.add_argument("--seeds", type=int, default=8, help="pictures of each renderer and repeat, at least 2")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--their-sampler", default="independent", help="Mitsuba's: multijitter is among its best")
     parser.add_argument("--json", type=Path)
     return parser.parse_args()
 

@@ -1,8 +1,8 @@
-"""Sobol samples against independent ones, at equal samples:
+"""Samples on a lattice against independent ones, at equal samples:
 
     python scripts/bench/sampler.py [SCENE ...] [--spp 16 64 256] [--seeds 24] [--json FILE]
 
-All figures are those of `sobol` over those of `independent` in the same run, method by method:
+All figures are those of `lattice` over those of `independent` in the same run, method by method:
 
 error^2     relMSE of the picture (warpmis/metrics.py), means over the seeds, the reference's own noise taken off
 time        CPU seconds of tracing and learning on one thread; the lower quartile, for others only ever add to it
@@ -27,7 +27,7 @@ from warpmis.metrics import estimated_relative_error, relative_mse
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "veach_plates")
-METHODS = ("nee", "auto")
+METHODS = ("nee", "balance", "auto")
 Row = dict[str, float | str]
 
 
@@ -45,10 +45,10 @@ def measure(scene: warpmis.Scene, method: str, spp: int, seeds: int, reference: 
             )
             seconds[sampler].append(clock.seconds())
             errors[sampler].append(relative_mse(result.image, reference.image) - noise)
-    independent, sobol = (np.array(errors[sampler]) for sampler in SAMPLERS)
-    error = sobol.mean() / independent.mean()
-    cost = lower_quartile(seconds["sobol"]) / lower_quartile(seconds["independent"])
-    spread = np.hypot(*(values.std(ddof=1) / values.mean() for values in (independent, sobol))) / seeds**0.5
+    lattice, independent = (np.array(errors[sampler]) for sampler in SAMPLERS)
+    error = lattice.mean() / independent.mean()
+    cost = lower_quartile(seconds["lattice"]) / lower_quartile(seconds["independent"])
+    spread = np.hypot(*(values.std(ddof=1) / values.mean() for values in (lattice, independent))) / seeds**0.5
     efficiency = 1.0 / (error * cost)
     figures = {"error^2": error, "time": cost, "efficiency": efficiency, "standard error": efficiency * spread}
     return {"method": method, "spp": spp, **{name: float(value) for name, value in figures.items()}}

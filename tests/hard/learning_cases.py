@@ -186,7 +186,7 @@ LEARNING_CASES = [
         "thousand-rounds-of-one-sample",
         "each step is taken from one sample, whose own optimum is a corner; equidistant numbers carried on would "
         "tell of the shares: a bias",
-        "the step is clamped, and each round's numbers start anew (kernels/rng.py: lattice)",
+        "the step is clamped, and each round's numbers start anew (kernels/lattice.py: choice)",
         lit_floor,
         radiance_below_lamp(),
         learns=False,

@@ -101,10 +101,14 @@ def test_equal_densities_keep_their_shares() -> None:
     assert np.abs(rendered("equal-densities", "murray20").allocation - 0.5).max() < 0.002
 
 
-@pytest.mark.parametrize("method", ["murray20", "auto"])
-def test_a_strategy_that_finds_no_light_gets_the_least_share(method: str) -> None:
+def test_by_auto_a_strategy_that_finds_no_light_gets_no_share() -> None:
+    """Next-event estimation takes the BSDF's sample every time, and its light sample costs no ray."""
+    assert rendered("light-density-0-where-light-is", "auto").stats["next_event_pixels"] == 1.0
+
+
+def test_a_strategy_that_finds_no_light_gets_the_least_share() -> None:
     """M2 = c / a: every pixel ends on the bound, to a sample of the last round."""
-    allocation = rendered("light-density-0-where-light-is", method).allocation
+    allocation = rendered("light-density-0-where-light-is", "murray20").allocation
     assert allocation == pytest.approx(np.broadcast_to((0.9, 0.1), allocation.shape), abs=0.003)
 
 

@@ -52,14 +52,22 @@ class NoCounterpartError(ValueError):
 
 
 def to_mitsuba(
-    scene: Scene, *, spp: int, max_depth: int, width: int, height: int, seed: int = 0, roulette_depth: int | None = None
+    scene: Scene,
+    *,
+    spp: int,
+    max_depth: int,
+    width: int,
+    height: int,
+    seed: int = 0,
+    roulette_depth: int | None = None,
+    sampler: str = "independent",
 ) -> Any:
     """The scene with a `path` integrator and a box filter; None: no Russian roulette within max_depth."""
     rr_depth = max_depth + 2 if roulette_depth is None else roulette_depth
     content: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": max_depth + 1, "rr_depth": rr_depth},
-        "sensor": sensor(scene.camera, spp=spp, width=width, height=height, seed=seed),
+        "sensor": sensor(scene.camera, sampler=sampler, spp=spp, width=width, height=height, seed=seed),
     }
     for material in np.unique(scene.geometry.materials):
         for smooth in (False, True):
@@ -79,7 +87,7 @@ def reference_image(
     return np.array(mi.render(built), dtype=np.float64)[..., :3]
 
 
-def sensor(camera: Camera, *, spp: int, width: int, height: int, seed: int) -> dict[str, Any]:
+def sensor(camera: Camera, *, sampler: str, spp: int, width: int, height: int, seed: int) -> dict[str, Any]:
     """A `perspective` sensor with exactly the camera's window.
 
     Mitsuba's camera looks along its +Z with +X to the left; the principal point is where the optical axis meets the
@@ -101,7 +109,7 @@ def sensor(camera: Camera, *, spp: int, width: int, height: int, seed: int) -> d
         "principal_point_offset_y": -0.5 * (bottom + top) / (top - bottom),
         "near_clip": 1e-4,
         "far_clip": 1e6,
-        "sampler": {"type": "independent", "sample_count": spp, "seed": seed},
+        "sampler": {"type": sampler, "sample_count": spp, "seed": seed},
         "film": {
             "type": "hdrfilm",
             "width": width,

@@ -13,14 +13,16 @@ import warp as wp
 
 import warpmis
 from warpmis.features import Features
-from warpmis.kernels.bsdf.surface import make_surface
+from warpmis.kernels.bsdf.surface import Surface, make_surface
+from warpmis.kernels.lattice import choice, lattice_steps
 from warpmis.kernels.light.table import make_lights
-from warpmis.kernels.rng import RngKey, lattice, lattice_step
+from warpmis.kernels.rng import RngKey, vec_lattice
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene import DistantLight, DomeLight, Light, Material, Scene
 
 features = Features.all().with_strategies(("bsdf", "light", "cosine"))
-strategies = make_strategies(features, make_surface(features), make_lights(features))
+surface = make_surface(features)
+strategies = make_strategies(features, surface, make_lights(features))
 vec_s = strategies.vec_s
 
 SPP = 64
@@ -31,10 +33,11 @@ BLUE_LIGHT = np.array([0.0, 0.0, 1.0 / 0.0722])
 
 
 @wp.kernel(enable_backward=False)
-def choose_all(allocation: vec_s, step: wp.uint32, chosen: wp.array(dtype=int), left: wp.array(dtype=float)):
+def choose_all(allocation: vec_s, steps: vec_lattice, chosen: wp.array(dtype=int), left: wp.array(dtype=float)):
     key = RngKey()
     key.sample = wp.uint32(wp.tid())
-    u = lattice(key, step)
+    key.lattice = steps
+    u = choice(key)
     strategy = strategies.choose(allocation, u)
     chosen[wp.tid()] = strategy
     left[wp.tid()] = strategies.left_of(allocation, strategy, u)
@@ -43,13 +46,40 @@ def choose_all(allocation: vec_s, step: wp.uint32, chosen: wp.array(dtype=int), 
 @pytest.mark.parametrize("shares", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
 def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tuple[float, ...]) -> None:
     chosen, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
-    wp.launch(choose_all, SPP, [vec_s(*shares), lattice_step(SPP), chosen, left])
+    wp.launch(choose_all, SPP, [vec_s(*shares), lattice_steps(SPP), chosen, left])
     by, numbers = chosen.numpy(), left.numpy().astype(float)
     assert numbers.min() >= 0.0 and numbers.max() < 1.0
     whole = sum(shares) > 0.0
     for strategy, share in enumerate(shares) if whole else [(-1, 1.0)]:
         own = np.sort(numbers[by == strategy])
         assert len(own) == round(share * SPP)
+        if len(own):
+            np.testing.assert_allclose(np.diff(own, append=own[0] + 1.0), 1.0 / len(own), atol=1e-5)
+
+
+@wp.kernel(enable_backward=False)
+def choose_lobes(parts: wp.vec3, steps: vec_lattice, lobes: wp.array(dtype=int), left: wp.array(dtype=float)):
+    s = Surface()
+    s.p_diffuse = parts[0]
+    s.p_specular = parts[1]
+    s.p_coat = parts[2]
+    key = RngKey()
+    key.sample = wp.uint32(wp.tid())
+    key.lattice = steps
+    u = choice(key)
+    lobes[wp.tid()] = wp.where(u < parts[0], 0, wp.where(u < parts[0] + parts[1], 1, 2))
+    left[wp.tid()] = surface.left_of(s, u)
+
+
+@pytest.mark.parametrize("parts", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (1.0, 0.0, 0.0), (0.75, 0.25, 0.0)])
+def test_what_is_left_of_the_number_is_equidistant_for_each_lobe(parts: tuple[float, ...]) -> None:
+    lobes, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
+    wp.launch(choose_lobes, SPP, [wp.vec3(*parts), lattice_steps(SPP), lobes, left])
+    by, numbers = lobes.numpy(), left.numpy().astype(float)
+    assert numbers.min() >= 0.0 and numbers.max() < 1.0
+    for lobe, part in enumerate(parts):
+        own = np.sort(numbers[by == lobe])
+        assert len(own) == round(part * SPP)
         if len(own):
             np.testing.assert_allclose(np.diff(own, append=own[0] + 1.0), 1.0 / len(own), atol=1e-5)
 

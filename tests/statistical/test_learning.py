@@ -16,8 +16,8 @@ from warpmis.rendering import features_of
 
 FIXED = tuple(round(0.1 * tenth, 1) for tenth in range(1, 10))
 ROUNDS = 8
-# Samples per pixel of a learn round.
-LEARN_SPP = 1024
+# Samples per pixel of a learn round; on the terrace few of them meet what decides.
+LEARN_SPP = {"cornell_box": 1024, "ajar_door": 1024, "veach_plates": 1024, "open_terrace": 2048}
 # And of the measurement of variance. Behind the door the variance is that of long paths whoever draws the first
 # direction: nearly equal for shares of the BSDF from 0.6 on, it takes more to compare.
 SPP = {"cornell_box": 2048, "ajar_door": 6144, "veach_plates": 2048, "open_terrace": 2048}
@@ -29,13 +29,13 @@ def load(name: str) -> warpmis.Scene:
 
 
 def relative_variance(result: warpmis.RenderResult, mean: np.ndarray) -> float:
-    """Variance of one sample over the squared mean, averaged over the pixels: relMSE, so that no bright pixel decides.
+    """Variance of one sample over the squared mean, geometric mean over the pixels.
 
-    The worst 2 % of each picture's pixels are left out, as relMSE leaves out outliers: there one caustic path in
-    thousands makes the variance, and its estimate says whether that path was met, not more.
+    In some pixels one caustic path in thousands makes the variance, and its estimate says whether that path was met,
+    not more: in a sum over the pixels these would decide.
     """
-    relative = np.sort((result.variance / np.square(mean))[mean > 0.0])
-    return float(relative[: int(0.98 * len(relative))].mean())
+    relative = (result.variance / np.square(mean))[mean > 0.0]
+    return float(np.exp(np.log(relative[relative > 0.0]).mean()))
 
 
 def learned_map(scene: warpmis.Scene, spp: int, start: float) -> np.ndarray:
@@ -71,27 +71,28 @@ def answering(scene: warpmis.Scene, spp: int) -> np.ndarray:
 def test_learned_map(name: str) -> None:
     """Variance at most 1.05 times that of the best fixed allocation, and the same map from 0.1, 0.5 and 0.9."""
     scene = load(name)
-    maps = {start: learned_map(scene, LEARN_SPP, start) for start in (0.1, 0.5, 0.9)}
+    maps = {start: learned_map(scene, LEARN_SPP[name], start) for start in (0.1, 0.5, 0.9)}
 
     def variance_of(allocation: np.ndarray | tuple[float, float]) -> warpmis.RenderResult:
-        """By the same random numbers for all allocations, so that equal allocations have equal variance: of the sampler
-        "sobol", since the independent ones choose lights and lobes by what the choice of strategy leaves over."""
-        return warpmis.render(scene, method="fixed", allocation=allocation, spp=SPP[name], seed=1, sampler="sobol")
+        """By the same random numbers for all allocations, as far as their choices are the same."""
+        return warpmis.render(scene, method="fixed", allocation=allocation, spp=SPP[name], seed=1)
 
     fixed = [variance_of((a, 1.0 - a)) for a in FIXED]
     mean = np.mean([result.image for result in fixed], axis=0) @ np.array([0.2126, 0.7152, 0.0722])
-    best = min(relative_variance(result, mean) for result in fixed)
+    of_fixed = [relative_variance(result, mean) for result in fixed]
+    best = min(of_fixed)
     ratios = {start: relative_variance(variance_of(allocation), mean) / best for start, allocation in maps.items()}
 
     # Where no light was found, as in the sky, nothing was learned: such a pixel keeps the share that it began with.
     reached = np.any([allocation[..., 0] != np.float32(start) for start, allocation in maps.items()], axis=0)
-    reached &= answering(scene, LEARN_SPP)
+    reached &= answering(scene, LEARN_SPP[name])
     blocks = [block_means(allocation[..., 0], reached) for allocation in maps.values()]
     apart = max(np.abs(a - b).max() for a, b in combinations(blocks, 2))
     print(
         f"{name}: variance / best fixed {ratios}, blocks apart by {apart:.3f}, {reached.mean():.0%} of pixels reached"
     )
     assert max(ratios.values()) <= 1.05
+    assert max(of_fixed) > 1.5 * best, "no allocation would fail"
     # Behind the door half of the pixels see the lamp from behind, or not at all.
     assert reached.mean() > (0.4 if name == "ajar_door" else 0.7)
     assert apart <= 0.05

@@ -27,7 +27,7 @@ from statistical.lights import (
     run,
     sphere,
 )
-from stats import chi_square, detectable_imbalance, sidak
+from stats import chi_square, detectable_imbalance, sidak, uniformity
 
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
@@ -36,7 +36,7 @@ from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.table import Receiver
 from warpmis.scene import Light
 
-SIGNIFICANCE = sidak(0.01, 5)
+SIGNIFICANCE = sidak(0.01, 5 + 9)
 COUNT = 1 << 19
 
 
@@ -129,6 +129,11 @@ def test_each_light_is_chosen_in_proportion_to_its_importance(count: int) -> Non
     if count > 1:
         assert detectable_imbalance(fit.count, fit.dof, SIGNIFICANCE) < 0.02
     np.testing.assert_array_equal(r["chosen_importance"], importance[r["chosen"]].astype(np.float32))
+    # What is left of the number is uniform for each light, and independent of the choice.
+    for light in np.argsort(importance)[-3:]:
+        left = r["left"][r["chosen"] == light].astype(float)
+        assert left.min() >= 0.0 and left.max() < 1.0
+        assert importance[light] == 0.0 or uniformity(left, 64).p_value > SIGNIFICANCE
     # What normalises the choice, in the two parts of the table.
     infinite = min(2, max(0, count - 1))
     finite = importance[: count - infinite].sum()

@@ -160,9 +160,15 @@ def test_accumulated_learns_from_the_samples_of_all_rounds() -> None:
     """From two rounds of equal shares the next step is that of one round of both, where the moments are kept.
 
     The nine shares leave a pixel at equal ones now and then: only there are both rounds' samples those of one (with
-    random choices of strategy: stratified ones begin anew with each round).
+    independent samples: evenly spread ones begin anew with each round).
     """
-    settings = {"method": "accumulated", "spp": 64, "max_depth": 2, "strategy_choice": "random"}
+    settings = {
+        "method": "accumulated",
+        "spp": 64,
+        "max_depth": 2,
+        "strategy_choice": "random",
+        "sampler": "independent",
+    }
     scene = scenes.lit_ceiling(12, lamp=300.0)
     two = warpmis.render(scene, learn_rounds=2, learn_spp=16, keep_maps=True, **settings)
     one = warpmis.render(scene, learn_rounds=1, learn_spp=32, **settings)

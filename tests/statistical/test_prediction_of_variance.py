@@ -19,11 +19,12 @@ from warpmis.learn.schedule import Round
 
 PIXELS = 12
 SPP = 768
-SEEDS = 10
+SEEDS = 14
 # No path of this many bounces ends by Russian roulette, whose odds depend on the throughput f / p_a, so on the shares.
 BEFORE_ROULETTE = 2
 SHARES = (0.2, 0.5, 0.9)
 SIGNIFICANCE = 0.01
+INDEPENDENT = {"strategy_choice": "random", "sampler": "independent"}
 
 
 def learned_from(
@@ -34,12 +35,12 @@ def learned_from(
     max_depth: int = BEFORE_ROULETTE,
     **settings: object,
 ) -> Integrator:
-    """One learn round, and no step after it."""
+    """One learn round, and no step after it. With a target error all pixels learn, by any method."""
     scene = scene or scenes.lit_ceiling(PIXELS)
     config = warpmis.RenderConfig(
-        method=method, spp=spp, seed=seed, max_depth=max_depth, strategy_choice="random", **settings
+        method=method, spp=spp, seed=seed, max_depth=max_depth, target_error=0.5, **INDEPENDENT, **settings
     )
-    features = detect(scene).with_strategies(config.strategies, config.how.statistics)
+    features = detect(scene).with_strategies(config.strategies, config.how.statistics).with_sampler(config.sampler)
     run = Integrator(upload(scene, "cpu"), features, config, allocation_of(config, PIXELS, PIXELS))
     run.trace(Round(0, spp, learn=True), lambda samples: None)
     return run
@@ -47,7 +48,7 @@ def learned_from(
 
 def observed(seed: int, max_depth: int = BEFORE_ROULETTE, **settings: object) -> warpmis.RenderResult:
     scene = scenes.lit_ceiling(PIXELS)
-    return warpmis.render(scene, spp=SPP, seed=seed, max_depth=max_depth, strategy_choice="random", **settings)
+    return warpmis.render(scene, spp=SPP, seed=seed, max_depth=max_depth, **INDEPENDENT, **settings)
 
 
 def candidates_of(run: Integrator) -> np.ndarray:

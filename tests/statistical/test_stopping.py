@@ -35,12 +35,12 @@ def holds(broken: int) -> bool:
 @pytest.mark.parametrize(
     ("name", "target", "sampler"),
     [
-        ("room", 0.15, "independent"),
+        ("room", 0.15, "lattice"),
         pytest.param("cornell_box", 0.1, "independent", marks=pytest.mark.slow),
-        pytest.param("ajar_door", 0.3, "independent", marks=pytest.mark.slow),
+        pytest.param("ajar_door", 0.3, "lattice", marks=pytest.mark.slow),
         pytest.param("veach_plates", 0.05, "independent", marks=pytest.mark.slow),
-        pytest.param("cornell_box", 0.1, "sobol", marks=pytest.mark.slow),
-        pytest.param("veach_plates", 0.05, "sobol", marks=pytest.mark.slow),
+        pytest.param("cornell_box", 0.1, "lattice", marks=pytest.mark.slow),
+        pytest.param("veach_plates", 0.05, "lattice", marks=pytest.mark.slow),
     ],
 )
 def test_the_error_is_what_it_is_said_to_be(name: str, target: float, sampler: str) -> None:

@@ -64,8 +64,8 @@ def functions_in(source: str) -> set[str]:
 
 
 def draws_in(source: str) -> int:
-    """Places where a step of a path draws random numbers."""
-    return len(re.findall(r"= uniform4_of_step_\d+\(", source))
+    """Places where a step of a path draws random numbers; one more is the sampler's own, for later steps."""
+    return len(re.findall(r"= (?:uniform4|point4)_of_step_\d+\(", source)) - 1
 
 
 @pytest.fixture(scope="module")

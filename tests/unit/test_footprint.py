@@ -21,15 +21,17 @@ from warpmis.texture import PrimvarLookup
 
 FILM = 132
 SUMS = 29 * 8
-# Bytes of a pixel: films, shares, moments; where moments are pooled, these twice more in float32 with their weights,
-# the guide to the pixel's neighbours, variance and cost, and the plain moments of the last round.
+# Bytes of a pixel: films, shares, moments; by `auto` the plain moments of the last round. Where moments are pooled they
+# are there twice more in float32, with their weights, the guide to the neighbours, variance and cost.
 PER_PIXEL = {
     "nee": FILM,
     "balance": FILM + 2 * 4 + 5 * 8,
     "murray20": 2 * FILM + 2 * 4 + 5 * 8,
-    "auto": 2 * FILM + 2 * 4 + 2 * SUMS + 2 * 4 + 32 + 8 + 5 * 8,
+    "auto": FILM + 2 * 4 + 5 * 8,
 }
-# And of a row of pixels: its sum and count.
+# Of a cell of 2 x 2 pixels where learning looks at one in four: its film, shares, and moments. And of a row of cells:
+# its sum and count.
+PER_CELL = {"auto": FILM + 2 * 4 + 2 * SUMS + 2 * 4 + 32 + 8}
 PER_ROW = {"auto": SUMS // 2 + 4}
 
 
@@ -46,7 +48,8 @@ def picture_bytes(method: str, pixels: int) -> int:
 @pytest.mark.parametrize("method", PER_PIXEL)
 def test_bytes_per_pixel(method: str) -> None:
     grown = picture_bytes(method, 24) - picture_bytes(method, 16)
-    assert grown == (24**2 - 16**2) * PER_PIXEL[method] + (24 - 16) * PER_ROW.get(method, 0)
+    of_cells = (12**2 - 8**2) * PER_CELL.get(method, 0) + (12 - 8) * PER_ROW.get(method, 0)
+    assert grown == (24**2 - 16**2) * PER_PIXEL[method] + of_cells
 
 
 def grid(cells: int) -> warpmis.Scene:

@@ -22,7 +22,7 @@ def test_learning_may_take_the_whole_budget() -> None:
     assert [part.learn for part in rounds] == [True] * 4
 
 
-@pytest.mark.parametrize(("method", "rounds"), [("lpg13", [512]), ("auto", [128]), ("pooled", [32] * 4)])
+@pytest.mark.parametrize(("method", "rounds"), [("lpg13", [512]), ("pooled", [32] * 4)])
 def test_learn_rounds_of_a_method(method: str, rounds: list[int]) -> None:
     *learned, last = schedule(RenderConfig(spp=1024, method=method))
     assert [part.samples for part in learned] == rounds

@@ -20,17 +20,23 @@ def render(**settings: object) -> warpmis.RenderResult:
     return warpmis.render(SCENE, **settings)
 
 
-@pytest.mark.parametrize("method", ["auto", "murray20", "nee"])
-def test_the_picture_is_that_of_as_many_samples(method: str) -> None:
-    """Piece by piece the samples are those of a plain render.
+@pytest.mark.parametrize("method", ["auto", "pooled", "nee"])
+@pytest.mark.parametrize("sampler", ["lattice", "independent"])
+def test_every_pixel_has_as_many_samples(method: str, sampler: str) -> None:
+    stopped = render(method=method, seed=3, sampler=sampler, target_error=0.2)
+    assert (stopped.samples == stopped.stats["stopping"]["spp"]).all()
 
-    Where strategies are chosen, a render that stops before its end is as even as one of its length, but not the same.
-    """
+
+@pytest.mark.parametrize("method", ["murray20", "nee"])
+def test_the_picture_is_that_of_as_many_samples(method: str) -> None:
+    """Piece by piece the samples are those of a plain render, where none are spread evenly: each piece would be by
+    itself."""
     limits = {"target_error": 0.1} if method == "nee" else {"target_error": 1e-4, "spp": 100}
-    stopped = render(method=method, seed=3, **limits)
+    independent = {"sampler": "independent", "strategy_choice": "random"}
+    stopped = render(method=method, seed=3, **limits, **independent)
     told = stopped.stats["stopping"]
     assert (stopped.samples == told["spp"]).all()
-    plain = render(method=method, spp=told["spp"], seed=3)
+    plain = render(method=method, spp=told["spp"], seed=3, **independent)
     for name, picture in plain.channels().items():
         np.testing.assert_allclose(stopped.channels()[name], picture, rtol=1e-5, atol=1e-6, err_msg=name)
     bounds = [result.stats.get("excess_variance_bound", 0.0) for result in (stopped, plain)]

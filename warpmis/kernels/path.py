@@ -103,7 +103,7 @@ def make_path(features: Features) -> SimpleNamespace:
         """Radiance arriving at `origin` from `direction`, by at most `max_depth` bounces after the first hit.
 
         Surfaces beyond `reach` are not in view. u_strategy chooses at the first vertex that scatters: the strategy of
-        the mixture's direction, then a light and a lobe.
+        the mixture's direction, then a light and a lobe, then where the direction goes.
         """
         path = PathSample()
         path.throughput = 1.0
@@ -217,15 +217,18 @@ def make_path(features: Features) -> SimpleNamespace:
                 if wp.static(has_mixture):
                     strategy = strategies.choose(allocation, u_choice)
                     u_choice = strategies.left_of(allocation, strategy, u_choice)
-                if wp.static(features.sampler == "independent"):
-                    u_light[0] = u_choice
-                    u_scatter[0] = u_choice
-                    u_delta[0] = u_strategy
-                u_choice = -1.0
+                u_light[0] = u_choice
+                u_scatter[0] = u_choice
+                u_delta[0] = u_strategy
             r = lights.receiver(scene, start, frame.n, u_light[0])
             if wp.static(features.controlled):
                 r.prim = lights.control.prim_of(scene, hit)
             s = surface.prepare(material, wo)
+            if u_choice >= 0.0:
+                # What the choices of light and lobe leave over is the first number of the direction.
+                u_light[1] = r.left
+                u_scatter[1] = surface.left_of(s, u_choice)
+                u_choice = -1.0
             if wp.static(features.delta_light):
                 from_delta = direct_light.from_delta_light(scene, r, frame, hit.ng, s, u_delta[0])
                 L += wp.cw_mul(beta, from_delta.radiance)

@@ -4,9 +4,9 @@ Nothing is stored and nothing advances, so any pixel can be replayed and the ima
 batches or machines.
 """
 
-import math
-
 import warp as wp
+
+from warpmis.generating_vector import DIMENSIONS
 
 wp.set_module_options({"enable_backward": False})
 
@@ -26,14 +26,19 @@ LENS = wp.constant(-2)
 ONE_MINUS_EPSILON = wp.constant(1.0 - 2.0**-24)
 
 
+# From one point of a round's lattice to the next, in units of 2^-32 (kernels/lattice.py).
+vec_lattice = wp.types.vector(length=len(DIMENSIONS), dtype=wp.uint32)
+
+
 @wp.struct
 class RngKey:
-    """round: the first sample of the round that the sample belongs to."""
+    """round: the first sample of the lattice that the sample belongs to; lattice: that lattice's steps."""
 
     seed: wp.uint32
     pixel: wp.uint32
     sample: wp.uint32
     round: wp.uint32
+    lattice: vec_lattice
 
 
 @wp.func
@@ -78,30 +83,6 @@ def bits4(seed: wp.uint32, pixel: wp.uint32, sample: wp.uint32, block: int) -> w
 def uniform4(key: RngKey, block: int) -> wp.vec4:
     """Four independent numbers in [0, 1)."""
     return to_unit4(bits4(key.seed, key.pixel, key.sample, block))
-
-
-def lattice_step(count: int) -> int:
-    """From one of `count` points of the lattice to the next, in units of 2^-32: a fraction of `count` without a common
-    factor, so that none is met twice, as near to the golden ratio as can be, so that any of them in turn are evenly
-    spread too (Schroeder 1991, "Fractals, Chaos, Power Laws")."""
-    wanted = count * (math.sqrt(5.0) - 1.0) / 2.0
-    near = sorted((round(wanted) + step for step in range(-8, 9)), key=lambda place: abs(place - wanted))
-    places = next((place for place in near if 0 < place and math.gcd(place, count) == 1), 1)
-    return round(2**32 * places / count) % 2**32
-
-
-@wp.func
-def lattice(key: RngKey, step: wp.uint32) -> float:
-    """One number a sample: over a round of samples equidistant points from a random start, `lattice_step` of the round
-    apart from one sample to the next.
-
-    A round that went on with the numbers of the last one would be biased: its shares are learned from samples whose
-    strategies tell where the sequence stands.
-
-    Reference: Sloan, Joe (1994), "Lattice Methods for Multiple Integration"; Cranley, Patterson (1976) for the start.
-    """
-    start = bits4(key.seed, key.pixel, key.round, CHOICE)[0]
-    return to_unit(start + (key.sample - key.round) * step)
 
 
 @wp.func

@@ -3,11 +3,11 @@
 from types import SimpleNamespace
 
 from warpmis.features import Features
-from warpmis.kernels import rng, sobol
+from warpmis.kernels import lattice, rng
 
 
 def make_sampler(features: Features) -> SimpleNamespace:
     """Functions of_pixel(key, block) and of_step(key, step, purpose): four numbers in [0, 1) each."""
-    if features.sampler == "sobol":
-        return SimpleNamespace(of_pixel=sobol.point4, of_step=sobol.point4_of_step)
+    if features.sampler == "lattice":
+        return SimpleNamespace(of_pixel=lattice.point4, of_step=lattice.point4_of_step)
     return SimpleNamespace(of_pixel=rng.uniform4, of_step=rng.uniform4_of_step)

@@ -98,7 +98,8 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         scene: SceneView, r: Receiver, frame: Frame, s: Surface, strategy: int, u: wp.vec4, v: wp.vec4
     ) -> LightSample:
         """A world direction from one strategy, and the light that it was drawn towards, if any; wi is the zero vector
-        where there is none. v serves the lights, u the rest."""
+        where there is none. v serves the lights, u the rest: u[0] and u[2], and for the BSDF's sampler u[1], which may
+        be what is left of u[0]."""
         drawn = LightSample()
         if total_of(r, strategy) > 0.0:
             towards = lights_of(scene, r, strategy, v)
@@ -112,18 +113,20 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         for i in range(wp.static(count)):
             if strategy == i:
                 if wp.static(names[i] == "uniform"):
-                    local = square_to_uniform_hemisphere(u[1], u[2])
+                    local = square_to_uniform_hemisphere(u[0], u[2])
                     plain = 0
                 if wp.static(names[i] == "cosine"):
-                    local = square_to_cosine_hemisphere(u[1], u[2])
+                    local = square_to_cosine_hemisphere(u[0], u[2])
                     plain = 0
                 # The BSDF's sampler chooses its lobe by u[0]: a lobe alone is a part of that number's range.
                 if wp.static(names[i] == "diffuse"):
                     if s.p_diffuse > 0.0:
                         u_lobe[0] = 0.0
+                        u_lobe[1] = u[0]
                 if wp.static(names[i] == "specular"):
                     if p_specular > 0.0:
                         u_lobe[0] = wp.max(s.p_diffuse, s.p_diffuse + u[0] * p_specular)
+                        u_lobe[1] = surface.left_of(s, u_lobe[0])
         if plain != 0:
             local = surface.sample(s, u_lobe)
         if local[2] > 0.0:

@@ -7,7 +7,7 @@ import warp as wp
 
 from warpmis.device.views import CameraView, FilmView, SceneView
 from warpmis.features import Features
-from warpmis.kernels import rng
+from warpmis.kernels import lattice, rng
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.frame import luminance
 from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
@@ -73,35 +73,47 @@ def make_trace(features: Features) -> wp.Kernel:
     def trace(
         scene: SceneView,
         camera: CameraView,
-        first_pixel: int,
-        left: wp.array(dtype=wp.uint8),
-        of_left: int,
-        round_start: int,
+        first: int,
+        stride: int,
+        pilot: int,
+        groups: wp.array(dtype=wp.uint8),
+        group: int,
+        sequence: int,
+        lattice_length: int,
         first_sample: int,
-        samples: int,
+        end_sample: int,
         seed: wp.uint32,
         max_depth: int,
         stratified: int,
-        choice_step: wp.uint32,
+        lattice_steps: rng.vec_lattice,
         allocation: wp.array(dtype=vec_s),
         direct_only: int,
         film: FilmView,
         moment_sums: wp.array(dtype=vec_k),
     ):
+        """A thread a pixel of this group, if there are any groups; in a pilot (pilot < 0) one a cell of stride x
+        stride pixels, which is its first pixel. After a pilot these have so many samples already."""
         if wp.static(signature) < 0:
             return
-        pixel = first_pixel + wp.tid()
-        # Pixels that left the mixture have a kernel of their own.
-        if left.shape[0] > 0:
-            if int(left[pixel]) != of_left:
+        index = first + wp.tid()
+        if groups.shape[0] > 0:
+            if int(groups[index]) != group:
                 return
+        pixel = index
+        begin = first_sample
+        if stride > 1:
+            if pilot < 0:
+                across = (camera.width + stride - 1) / stride
+                pixel = index / across * stride * camera.width + index % across * stride
+            elif pixel % camera.width % stride == 0 and pixel / camera.width % stride == 0:
+                begin = wp.max(first_sample, pilot)
         key = rng.RngKey()
         key.seed = seed
         key.pixel = wp.uint32(pixel)
-        key.round = wp.uint32(round_start)
+        key.lattice = lattice_steps
         a = vec_s()
         if wp.static(count > 0):
-            a = allocation[pixel]
+            a = allocation[index]
         color = wp.vec3d()
         lum = wp.vec2d()
         albedo = wp.vec3d()
@@ -113,13 +125,16 @@ def make_trace(features: Features) -> wp.Kernel:
         shadow_rays = wp.int64(0)
         rejected = int(0)
         sums = vec_k()
-        for k in range(samples):
-            key.sample = wp.uint32(first_sample + k)
+        for k in range(begin, end_sample):
+            key.sample = wp.uint32(k)
+            key.round = wp.uint32(k - (k - sequence) % lattice_length)
             u = sampler.of_pixel(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u[0], u[1])
-            u_strategy = u[2]
+            u_strategy = float(0.0)
             if stratified != 0:
-                u_strategy = rng.lattice(key, choice_step)
+                u_strategy = lattice.choice(key)
+            else:
+                u_strategy = rng.uniform4(key, rng.CHOICE)[0]
             sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
             rays += wp.int64(sample.rays)
             shadow_rays += wp.int64(sample.shadow_rays)
@@ -129,7 +144,7 @@ def make_trace(features: Features) -> wp.Kernel:
                 rejected += 1
                 continue
             color += wp.vec3d(radiance)
-            lum = widened(lum, k - rejected, wp.float64(brightness))
+            lum = widened(lum, k - begin - rejected, wp.float64(brightness))
             albedo += wp.vec3d(sample.albedo)
             normal += wp.vec3d(sample.normal)
             depth += wp.float64(
@@ -163,19 +178,20 @@ def make_trace(features: Features) -> wp.Kernel:
                         sums = moments.add_statistics(
                             sums, sample.mixed, sample.late, sample.throughput, early, cost - early, sample.q, a
                         )
-        film.color[pixel] = film.color[pixel] + color
-        accepted = film.accepted[pixel]
-        film.luminance[pixel] = merged(film.luminance[pixel], accepted, lum, samples - rejected)
-        film.albedo[pixel] = film.albedo[pixel] + albedo
-        film.normal[pixel] = film.normal[pixel] + normal
-        film.depth[pixel] = film.depth[pixel] + depth
-        film.hits[pixel] = film.hits[pixel] + hits
-        film.alpha[pixel] = film.alpha[pixel] + alpha
-        film.accepted[pixel] = accepted + samples - rejected
-        film.rejected[pixel] = film.rejected[pixel] + rejected
-        film.rays[pixel] = film.rays[pixel] + rays
-        film.shadow_rays[pixel] = film.shadow_rays[pixel] + shadow_rays
+        taken = wp.max(end_sample - begin, 0)
+        film.color[index] = film.color[index] + color
+        accepted = film.accepted[index]
+        film.luminance[index] = merged(film.luminance[index], accepted, lum, taken - rejected)
+        film.albedo[index] = film.albedo[index] + albedo
+        film.normal[index] = film.normal[index] + normal
+        film.depth[index] = film.depth[index] + depth
+        film.hits[index] = film.hits[index] + hits
+        film.alpha[index] = film.alpha[index] + alpha
+        film.accepted[index] = accepted + taken - rejected
+        film.rejected[index] = film.rejected[index] + rejected
+        film.rays[index] = film.rays[index] + rays
+        film.shadow_rays[index] = film.shadow_rays[index] + shadow_rays
         if wp.static(learns):
-            moment_sums[pixel] = moment_sums[pixel] + sums
+            moment_sums[index] = moment_sums[index] + sums
 
     return trace

@@ -37,8 +37,13 @@ LIGHT_COST = 0.85
 UNEVEN = 0.5 / 256.0
 
 
+# So much more the variance of a mixture counts than that of next-event estimation where samples lie on a lattice: of
+# its points a strategy of the mixture has a share alone, and fewer points gain less (scripts/bench/sampler.py).
+ON_A_LATTICE = 1.1
+
+
 @cache
-def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
+def make_candidates(layout: Layout, stratified: bool, lattice: bool = False) -> wp.Kernel:
     """Solver kernel for two strategies: (first, relative moments, cost weight) -> allocation, (V, cost).
 
     V and cost are the chosen candidate's. The first strategy is the BSDF if the samples come in pairs.
@@ -50,6 +55,7 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
     mean = layout.offset("mean")
     candidates = layout.offset("candidates")
     pair = layout.offset("pair")
+    of_mixture = ON_A_LATTICE if lattice and pair >= 0 else 1.0
 
     @wp.func
     def cost_of(known: vec_r, share: float) -> float:
@@ -101,7 +107,8 @@ def make_candidates(layout: Layout, stratified: bool) -> wp.Kernel:
             of_first = known[wp.static(candidates + 2 * k + 1)]
             variance = variance_of(second, of_first, known[wp.static(mean)], share)
             spent = cost_of(known, share)
-            loss = variance + cost_weight * spent + unevenness(of_first, known[wp.static(mean)], share)
+            loss = wp.static(of_mixture) * variance + cost_weight * spent
+            loss += unevenness(of_first, known[wp.static(mean)], share)
             if loss < best:
                 best = loss
                 chosen = vec_s(share, 1.0 - share)

@@ -35,37 +35,47 @@ COST_STEPS = 3
 
 
 class Learner:
-    """One render's learning.
+    """One render's learning, by cells of so many by so many pixels as the method's learning looks at one of.
 
     Attributes:
+        cells: their number.
         moments: sums over the samples since the round began, or over all rounds if the method keeps them.
-        plain_moments: of a round from which nothing is learned, without statistics: they tell how good its shares are.
-            The same buffer where the method takes none.
+        plain_moments: of a round from which nothing is learned, without statistics, by pixels: they tell how good its
+            shares are. The same buffer where the method takes none.
     """
 
     def __init__(
-        self, method: Method, strategies: tuple[str, ...], size: tuple[int, int], stratified: bool, device: str
+        self,
+        method: Method,
+        strategies: tuple[str, ...],
+        size: tuple[int, int],
+        stratified: bool,
+        device: str,
+        stride: int = 1,
+        lattice: bool = False,
     ) -> None:
+        """size: the picture's width and height [pixel]; lattice: whether the sampler is one."""
         self.method = method
-        self.width, self.height = size
+        self.stride = stride
+        self.width, self.height = (-(-length // stride) for length in size)
+        self.cells = self.width * self.height
         self.count = len(strategies)
         self.stratified = stratified
         self.whole_samples = make_whole_samples(self.count)
         self.layout = Layout(self.count if self.count > 1 else 0, method.statistics)
-        pixels = self.width * self.height
-        self.moments = wp.zeros(pixels if self.layout.size else 1, dtype=self.layout.vec, device=device)
+        self.moments = wp.zeros(self.cells if self.layout.size else 1, dtype=self.layout.vec, device=device)
         self.plain_moments = self.moments
         if method.statistics:
             plain = Layout(self.layout.strategies)
-            self.plain_moments = wp.zeros(pixels if plain.size else 1, dtype=plain.vec, device=device)
+            self.plain_moments = wp.zeros(size[0] * size[1] if plain.size else 1, dtype=plain.vec, device=device)
         if method.solver == "candidates":
-            self.solver = make_candidates(self.layout, stratified)
-            self.efficiency = wp.zeros(pixels, dtype=wp.vec2, device=device)
+            self.solver = make_candidates(self.layout, stratified, lattice)
+            self.efficiency = wp.zeros(self.cells, dtype=wp.vec2, device=device)
         elif method.learns:
             self.solver = SOLVERS[method.solver](self.layout)
         self.neighbours = None
         if "mean" in method.statistics:
-            self.neighbours = Neighbours(self.layout, method.pool_radius, size, device)
+            self.neighbours = Neighbours(self.layout, method.pool_radius, (self.width, self.height), device)
 
     @property
     def kernels(self) -> list[wp.Kernel]:
@@ -91,13 +101,13 @@ class Learner:
         elif not self.method.keeps:
             self.moments.zero_()
 
-    def step(self, allocation: wp.array, film: FilmView, samples: int, launch: Launch) -> None:
-        """Replace the allocation by the next one, for a round of so many samples; `film` holds those of the moments."""
-        self._solve(allocation, film, launch)
+    def make_whole(self, allocation: wp.array, samples: int, launch: Launch) -> None:
+        """Make the shares whole numbers of samples, for a round of so many, where that is worth it."""
         if self.stratified and rounds_well(samples, self.count):
             launch(self.whole_samples, [allocation, samples, self.min_share])
 
-    def _solve(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
+    def step(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
+        """Replace the cells' allocation by the next one; `film` holds the samples of the moments."""
         if self.neighbours:
             self.neighbours.pool(self.moments, film, launch)
             if self.method.solver == "candidates":

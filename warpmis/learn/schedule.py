@@ -9,11 +9,22 @@ from warpmis.config import RenderConfig
 
 @dataclass(frozen=True)
 class Round:
-    """Samples per pixel traced with one frozen allocation; `learn`: its moments then give the next one."""
+    """Samples per pixel traced with one frozen allocation; `learn`: its moments then give the next one.
+
+    pilot: so many of the samples have been taken in the pixels that learning looked at, one in several (RenderConfig:
+    learn_stride). sequence: the samples that are spread evenly together: those of the round, or for a pilot also those
+    after it, since its pixels go on as they began.
+    """
 
     first_sample: int
     samples: int
     learn: bool
+    pilot: int = 0
+    after: int = 0
+
+    @property
+    def sequence(self) -> range:
+        return range(self.first_sample, self.first_sample + self.samples + self.after)
 
 
 def schedule(config: RenderConfig) -> tuple[Round, ...]:
@@ -25,6 +36,8 @@ def schedule(config: RenderConfig) -> tuple[Round, ...]:
         if config.how.next_event:
             # Its statistics are of pairs alone: pixels that have gone over to a mixture would add none.
             count, spp = 1, count * spp
+        if config.learn_stride > 1:
+            return (Round(0, spp, learn=True, after=config.spp - spp), Round(0, config.spp, learn=False, pilot=spp))
         for _ in range(count):
             rounds.append(Round(spent, spp, learn=True))
             spent += spp

@@ -1,6 +1,6 @@
 """Shares that are whole numbers of the next round's samples.
 
-The choices of strategy are equidistant over a round (kernels/rng.py: lattice). If a strategy's share of the round's
+The choices of strategy are equidistant over a round (kernels/lattice.py: choice). If a strategy's share of the round's
 samples is a whole number, it gets exactly that many, and nothing is left of the variance between the strategies' means.
 Shares as learned would leave one sample too many or too few in most rounds: more than all other noise where a strategy
 alone has none. A share moves by half a sample at most, or by one where a bound is in the way.

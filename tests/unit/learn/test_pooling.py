@@ -50,7 +50,7 @@ def pooled(moments: np.ndarray, film: FilmView, radius: int = 4) -> np.ndarray:
     def launch(kernel: wp.Kernel, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=PIXELS, inputs=[0, *inputs], device="cpu")
 
-    learner.step(allocation, film, 0, launch)
+    learner.step(allocation, film, launch)
     return learner.neighbours.pooled.numpy()
 
 

@@ -19,6 +19,15 @@ class LightSample:
 
 
 @wp.struct
+class LightChoice:
+    """A light's index, or -1; its importance; and what is left of the number that chose it, in [0, 1) again."""
+
+    light: int
+    importance: float
+    left: float
+
+
+@wp.struct
 class LightHit:
     """Where a ray's line meets a light: distance (negative: it does not) and the density with which the light's own
     sampler, called at the ray's origin, draws the ray's direction."""
@@ -32,8 +41,8 @@ class Receiver:
     """The point that asks for light, with a light chosen for it and what normalises that choice.
 
     total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0
-    where none of them can be seen. chosen: a light in proportion to importance, or -1. A single light needs no choice:
-    its importance counts as 1.
+    where none of them can be seen. chosen: a light in proportion to importance, or -1; left: what is left of the number
+    that chose it, in [0, 1) again. A single light needs no choice: its importance counts as 1.
 
     drawn: 1 + the index of the light that the ray from x was drawn towards, 0 for none; drawn_distance, drawn_pdf:
     where it meets that light, and with which density the light's sampler drew it. The ray's direction is rounded, and a
@@ -50,6 +59,7 @@ class Receiver:
     infinite: float
     chosen: int
     chosen_importance: float
+    left: float
     drawn: int
     drawn_distance: float
     drawn_pdf: float

@@ -21,10 +21,11 @@ from warpmis.kernels.light.dome import (
     sample_dome_picture,
 )
 from warpmis.kernels.light.mesh import hit_emitter_triangle, make_mesh
-from warpmis.kernels.light.records import LightHit, LightSample, Receiver
+from warpmis.kernels.light.records import LightChoice, LightHit, LightSample, Receiver
 from warpmis.kernels.light.rect import hit_rect, sample_rect
 from warpmis.kernels.light.sphere import hit_sphere, sample_sphere
 from warpmis.kernels.mis import balance_weight
+from warpmis.kernels.rng import ONE_MINUS_EPSILON
 
 wp.set_module_options({"enable_backward": False})
 
@@ -76,33 +77,45 @@ def make_lights(features: Features) -> SimpleNamespace:
         return light_importance(scene.lights[0], r.x, r.n) <= 0.0
 
     @wp.func
+    def choose(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: float) -> LightChoice:
+        """One of the lights first to end - 1, whose importances sum to `total`, in proportion to them."""
+        c = LightChoice()
+        c.light = -1
+        target = u * total
+        reached = float(0.0)
+        for i in range(first, end):
+            of_light = importance(scene, scene.lights[i], r)
+            # The last light with any importance stays chosen if rounding lets the sum fall short of the target.
+            if of_light > 0.0:
+                c.light = i
+                c.importance = of_light
+                c.left = wp.clamp((target - reached) / of_light, 0.0, ONE_MINUS_EPSILON)
+                reached += of_light
+                if reached > target:
+                    break
+        return c
+
+    @wp.func
     def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, u: float) -> Receiver:
-        """Choose a light with u, in one pass over them all (a reservoir of one, u made uniform again at each)."""
+        """Choose a light with u. Each light's part of the numbers is one interval, so that what is left of u is as
+        evenly spread over the light's samples as u is over all."""
         r = Receiver()
         r.x = x
         r.n = n
         r.chosen = -1
         if is_turned_away(scene, r):
             return r
-        left = u
         for i in range(scene.light_count):
             of_light = importance(scene, scene.lights[i], r)
-            if of_light > 0.0:
-                r.total += of_light
-                if i < scene.finite_light_count:
-                    r.finite += of_light
-                else:
-                    r.infinite += of_light
-                # As if left < of_light / total, with one division for both outcomes.
-                left = left * r.total
-                width = of_light
-                if left < of_light:
-                    r.chosen = i
-                    r.chosen_importance = of_light
-                else:
-                    left = left - of_light
-                    width = r.total - of_light
-                left = left / width
+            if i < scene.finite_light_count:
+                r.finite += of_light
+            else:
+                r.infinite += of_light
+        r.total = r.finite + r.infinite
+        choice = choose(scene, r, 0, scene.light_count, r.total, u)
+        r.chosen = choice.light
+        r.chosen_importance = choice.importance
+        r.left = choice.left
         return r
 
     @wp.func
@@ -148,25 +161,16 @@ def make_lights(features: Features) -> SimpleNamespace:
 
     @wp.func
     def sample_range(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: wp.vec4) -> LightSample:
-        """The same among the lights first to end - 1, whose importances sum to `total`."""
-        target = u[0] * total
-        chosen = int(-1)
-        reached = float(0.0)
-        for i in range(first, end):
-            of_light = importance(scene, scene.lights[i], r)
-            # The last light with any importance stays chosen if rounding lets the sum fall short of the target.
-            if of_light > 0.0:
-                chosen = i
-                reached += of_light
-                if reached > target:
-                    break
+        """The same among the lights first to end - 1, whose importances sum to `total`; u[0] chooses one, and what is
+        left of it stands in for u[1]."""
+        choice = choose(scene, r, first, end, total, u[0])
         s = LightSample()
-        if chosen >= 0:
-            light = scene.lights[chosen]
-            s = sample_light(scene, light, r, u)
-            s.light = chosen + 1
+        if choice.light >= 0:
+            v = wp.vec4(u[0], choice.left, u[2], u[3])
+            s = sample_light(scene, scene.lights[choice.light], r, v)
+            s.light = choice.light + 1
             s.pdf_of_light = s.pdf_solid_angle
-            s.pdf_solid_angle = s.pdf_of_light * (importance(scene, light, r) / total)
+            s.pdf_solid_angle = s.pdf_of_light * (choice.importance / total)
         return s
 
     @wp.func

@@ -1,0 +1,86 @@
+"""Low-discrepancy numbers: a rank-1 lattice over the samples that a pixel has in one round, shifted at random.
+
+What decides a path up to its first vertex, and the direction in which it leaves that, are the coordinates of one
+lattice point a sample, so that a round's samples fill the whole of picture, lens, lights and lobes evenly; what comes
+later is drawn from independent numbers, for there a lattice gains nothing. A function of (seed, pixel, round, sample):
+nothing is stored. Each point alone is uniform, so that no mean changes; the shifts of other rounds, pixels and seeds
+are independent.
+
+Reference: Cranley, Patterson (1976), "Randomization of Number Theoretic Methods for Multiple Integration".
+"""
+
+import warp as wp
+
+from warpmis.generating_vector import generating_vector
+from warpmis.kernels.rng import (
+    CAMERA,
+    CHOICE,
+    EVENT,
+    LIGHT,
+    SCATTER,
+    RngKey,
+    bits4,
+    to_unit,
+    to_unit4,
+    uniform4_of_step,
+    vec_lattice,
+)
+
+wp.set_module_options({"enable_backward": False})
+
+
+def lattice_steps(count: int) -> wp.types.vector:
+    """From one of `count` points of a lattice to the next, in units of 2^-32."""
+    return vec_lattice(*(round(2**32 * z / count) % 2**32 for z in generating_vector(count)))
+
+
+@wp.func
+def choice(key: RngKey) -> float:
+    """The lattice's first coordinate, which is spread evenly over any samples in turn.
+
+    It chooses strategy, light and lobe at the first vertex, and what is left of it is the first number of the
+    direction: so each strategy, light and lobe has samples of its own that are as even as all are together.
+
+    A round that went on with the numbers of the last one would be biased: its shares are learned from samples whose
+    strategies tell where the sequence stands.
+    """
+    shift = bits4(key.seed, key.pixel, key.round, CHOICE)[0]
+    return to_unit(shift + (key.sample - key.round) * key.lattice[0])
+
+
+@wp.func
+def shifted4(key: RngKey, block: int, a: wp.uint32, b: wp.uint32, c: wp.uint32, d: wp.uint32) -> wp.vec4:
+    """Four coordinates, by their steps."""
+    shift = bits4(key.seed, key.pixel, key.round, block)
+    k = key.sample - key.round
+    return to_unit4(wp.vec4ui(shift[0] + k * a, shift[1] + k * b, shift[2] + k * c, shift[3] + k * d))
+
+
+@wp.func
+def point4(key: RngKey, block: int) -> wp.vec4:
+    """Two coordinates for the point of the picture, or of the lens; the other numbers are not to be used."""
+    step = key.lattice
+    none = wp.uint32(0)
+    if block == CAMERA:
+        return shifted4(key, block, step[3], step[4], none, none)
+    return shifted4(key, block, step[6], step[7], none, none)
+
+
+@wp.func
+def point4_of_step(key: RngKey, step: int, purpose: int) -> wp.vec4:
+    """The numbers of one purpose at one step of a path: the lattice's at the first, else independent ones.
+
+    At a path's first vertex `choice` stands in for the first two numbers of LIGHT and SCATTER and the first of
+    DELTA_LIGHT, which are not to be used.
+    """
+    if step > 0:
+        return uniform4_of_step(key, step, purpose)
+    of = key.lattice
+    none = wp.uint32(0)
+    if purpose == LIGHT:
+        return shifted4(key, purpose, none, none, of[1], of[8])
+    if purpose == SCATTER:
+        return shifted4(key, purpose, none, none, of[2], none)
+    if purpose == EVENT:
+        return shifted4(key, purpose, of[5], none, none, none)
+    return wp.vec4()
