@@ -33,7 +33,7 @@ ALLOWED: dict[str, set[str]] = {
     "film": {"errors"},
     "metrics": set(),
     "device": {"scene", "geometry", "light_control", "texture", "features", "film", "errors"},
-    "kernels": {"features", "device.views", "generating_vector"},
+    "kernels": {"features", "device.views"},
     "learn": {"config", "methods", "device.views", "features", "kernels", "errors"},
     "stopping": {"config", "learn.schedule", "metrics"},
     "integrator": {

@@ -47,6 +47,11 @@ def lattice_length(samples: int) -> int:
     return -(-samples // lattices)
 
 
+def lattice_steps(count: int) -> tuple[int, ...]:
+    """From one of `count` points of a lattice to the next, in units of 2^-32, for all dimensions."""
+    return tuple(round(2**32 * z / count) % 2**32 for z in generating_vector(count))
+
+
 @cache
 def generating_vector(count: int) -> tuple[int, ...]:
     """z for a lattice of `count` points, each component without a common factor with `count`.

@@ -24,9 +24,9 @@ from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
 from warpmis.film import Film
-from warpmis.generating_vector import lattice_length
+from warpmis.generating_vector import lattice_length, lattice_steps
 from warpmis.kernels.identify import make_identify
-from warpmis.kernels.lattice import lattice_steps
+from warpmis.kernels.rng import vec_lattice
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
@@ -264,7 +264,7 @@ class Integrator:
         pilot = -1 if part.learn else part.pilot
         start, length = self._lattices(part, samples)
         numbers = [start, length, samples.start, samples.stop, self.config.seed, self.config.max_depth]
-        numbers += [stratified, lattice_steps(length)]
+        numbers += [stratified, vec_lattice(*lattice_steps(length))]
         for one in passes:
             inputs = [self.scene.view, self.scene.camera, first, self.stride, pilot, one.groups, one.group, *numbers]
             inputs += [one.allocation, direct_only, one.film, one.moments]

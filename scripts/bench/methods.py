@@ -88,7 +88,8 @@ class CpuClock:
 
 
 def measure(scene: warpmis.Scene, budget: int, seeds: int, reference_spp: int) -> dict[str, Runs]:
-    reference = warpmis.render(scene, method="auto", spp=reference_spp, seed=10_000)
+    # Whose variance tells its noise.
+    reference = warpmis.render(scene, method="auto", spp=reference_spp, seed=10_000, sampler="independent")
     noise = estimated_relative_error(reference.image, reference.variance / reference.samples) ** 2
     runs = {variant.label: Runs() for variant in variants(budget)}
     for variant in variants(budget):  # compiles

@@ -13,8 +13,9 @@ import warp as wp
 
 import warpmis
 from warpmis.features import Features
+from warpmis.generating_vector import lattice_steps
 from warpmis.kernels.bsdf.surface import Surface, make_surface
-from warpmis.kernels.lattice import choice, lattice_steps
+from warpmis.kernels.lattice import choice
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.rng import RngKey, vec_lattice
 from warpmis.kernels.strategies import make_strategies
@@ -46,7 +47,7 @@ def choose_all(allocation: vec_s, steps: vec_lattice, chosen: wp.array(dtype=int
 @pytest.mark.parametrize("shares", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
 def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tuple[float, ...]) -> None:
     chosen, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
-    wp.launch(choose_all, SPP, [vec_s(*shares), lattice_steps(SPP), chosen, left])
+    wp.launch(choose_all, SPP, [vec_s(*shares), vec_lattice(*lattice_steps(SPP)), chosen, left])
     by, numbers = chosen.numpy(), left.numpy().astype(float)
     assert numbers.min() >= 0.0 and numbers.max() < 1.0
     whole = sum(shares) > 0.0
@@ -74,7 +75,7 @@ def choose_lobes(parts: wp.vec3, steps: vec_lattice, lobes: wp.array(dtype=int),
 @pytest.mark.parametrize("parts", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (1.0, 0.0, 0.0), (0.75, 0.25, 0.0)])
 def test_what_is_left_of_the_number_is_equidistant_for_each_lobe(parts: tuple[float, ...]) -> None:
     lobes, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
-    wp.launch(choose_lobes, SPP, [wp.vec3(*parts), lattice_steps(SPP), lobes, left])
+    wp.launch(choose_lobes, SPP, [wp.vec3(*parts), vec_lattice(*lattice_steps(SPP)), lobes, left])
     by, numbers = lobes.numpy(), left.numpy().astype(float)
     assert numbers.min() >= 0.0 and numbers.max() < 1.0
     for lobe, part in enumerate(parts):

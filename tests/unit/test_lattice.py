@@ -11,7 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 from stats import sidak, uniformity
 
-from warpmis.generating_vector import DIMENSIONS, LARGEST, generating_vector, lattice_length
+from warpmis.generating_vector import DIMENSIONS, LARGEST, generating_vector, lattice_length, lattice_steps
 from warpmis.kernels import lattice, rng
 
 COUNT = 1 << 17
@@ -56,7 +56,7 @@ def draw_later(of_lattice: wp.array(dtype=wp.vec4), independent: wp.array(dtype=
 def drawn(keys: Keys, of: int) -> Points:
     """The points of these keys, in rounds of `of` samples."""
     points = wp.zeros((len(keys), COORDINATES), dtype=float)
-    inputs = [wp.array(keys.astype(np.uint32), dtype=wp.uint32), lattice.lattice_steps(of), points]
+    inputs = [wp.array(keys.astype(np.uint32), dtype=wp.uint32), rng.vec_lattice(*lattice_steps(of)), points]
     wp.launch(draw, len(keys), inputs)
     return points.numpy().astype(float)
 

@@ -11,7 +11,6 @@ Reference: Cranley, Patterson (1976), "Randomization of Number Theoretic Methods
 
 import warp as wp
 
-from warpmis.generating_vector import generating_vector
 from warpmis.kernels.rng import (
     CAMERA,
     CHOICE,
@@ -23,15 +22,9 @@ from warpmis.kernels.rng import (
     to_unit,
     to_unit4,
     uniform4_of_step,
-    vec_lattice,
 )
 
 wp.set_module_options({"enable_backward": False})
-
-
-def lattice_steps(count: int) -> wp.types.vector:
-    """From one of `count` points of a lattice to the next, in units of 2^-32."""
-    return vec_lattice(*(round(2**32 * z / count) % 2**32 for z in generating_vector(count)))
 
 
 @wp.func

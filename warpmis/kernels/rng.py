@@ -6,8 +6,6 @@ batches or machines.
 
 import warp as wp
 
-from warpmis.generating_vector import DIMENSIONS
-
 wp.set_module_options({"enable_backward": False})
 
 # Dimensions come in blocks of four numbers. The camera has the first block; every step of a path has BLOCKS of them.
@@ -26,8 +24,8 @@ LENS = wp.constant(-2)
 ONE_MINUS_EPSILON = wp.constant(1.0 - 2.0**-24)
 
 
-# From one point of a round's lattice to the next, in units of 2^-32 (kernels/lattice.py).
-vec_lattice = wp.types.vector(length=len(DIMENSIONS), dtype=wp.uint32)
+# From one point of a lattice to the next, in units of 2^-32: what it stands for is told in kernels/lattice.py.
+vec_lattice = wp.types.vector(length=9, dtype=wp.uint32)
 
 
 @wp.struct
