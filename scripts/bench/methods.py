@@ -1,6 +1,6 @@
 """Every method on every scene, at equal samples:
 
-    python scripts/bench/methods.py [SCENE ...] [--budget 64] [--seeds 24] [--json FILE]
+    python scripts/bench/methods.py [SCENE ...] [--budget 64] [--seeds 24] [--only METHOD ...] [--json FILE]
 
 A budget of 64 samples per pixel takes each method as it comes. One of 2304 takes rounds of 256 samples, as Murray et
 al. (2020) do, 1 and 8 of them. All figures are relative to `balance` in the same run, medians over the seeds:
@@ -87,15 +87,17 @@ class CpuClock:
         return time.process_time() - self.since
 
 
-def measure(scene: warpmis.Scene, budget: int, seeds: int, reference_spp: int) -> dict[str, Runs]:
+def measure(
+    scene: warpmis.Scene, chosen: list[Variant], budget: int, seeds: int, reference_spp: int
+) -> dict[str, Runs]:
     # Whose variance tells its noise.
     reference = warpmis.render(scene, method="auto", spp=reference_spp, seed=10_000, sampler="independent")
     noise = estimated_relative_error(reference.image, reference.variance / reference.samples) ** 2
-    runs = {variant.label: Runs() for variant in variants(budget)}
-    for variant in variants(budget):  # compiles
+    runs = {variant.label: Runs() for variant in chosen}
+    for variant in chosen:  # compiles
         warpmis.render(scene, spp=budget, threads=2, **variant.settings)
     for seed in range(seeds):
-        for variant in variants(budget):
+        for variant in chosen:
             clock = CpuClock()
             result = warpmis.render(scene, spp=budget, seed=seed, threads=1, progress=clock, **variant.settings)
             own = runs[variant.label]
@@ -149,13 +151,15 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=64)
     parser.add_argument("--seeds", type=int, default=24)
     parser.add_argument("--reference-spp", type=int, default=16384)
+    parser.add_argument("--only", nargs="+", help="labels of the table, with auto and balance among them")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    chosen = [one for one in variants(arguments.budget) if arguments.only is None or one.label in arguments.only]
     report = {}
     for name in arguments.scenes:
         start = time.perf_counter()
         scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=arguments.width)
-        runs = measure(scene, arguments.budget, arguments.seeds, arguments.reference_spp)
+        runs = measure(scene, chosen, arguments.budget, arguments.seeds, arguments.reference_spp)
         rows = table(runs)
         report[name] = rows
         print(f"\n{name}, {arguments.budget} samples per pixel ({time.perf_counter() - start:.0f} s)")

@@ -36,7 +36,7 @@ POWER = {
     "cornell_box": (0.02, 0.02),
     "ajar_door": (0.15, 0.15),
     "veach_plates": (0.06, 0.1),
-    "open_terrace": (0.15, 0.4),
+    "open_terrace": (0.15, 0.15),
     "hidden_light": (0.05, 0.05),
 }
 # Where light comes through a gap, estimates scatter most.
@@ -73,7 +73,10 @@ def test_default_method_agrees(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES[:-1])
 def test_methods_agree(name: str) -> None:
-    check(name, list(METHODS), spp=SPP[name])
+    """BSDF sampling not in open_terrace: it meets the sun once in some hundred thousand samples, and pictures that have
+    all missed it agree so well with each other, by the lattice, that a t-test takes what is missing for a bias."""
+    methods = [label for label in METHODS if (name, label) != ("open_terrace", "bsdf")]
+    check(name, methods, spp=SPP[name])
 
 
 # Rounds of two samples: what is learned depends on each single choice of a strategy, and so would a bias from that.
