@@ -74,7 +74,7 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
     path_module.make_intersect = recording_intersect
     try:
         pixels = uploaded.camera.width * uploaded.camera.height
-        run = recording_kernel(detect(scene))
+        run = recording_kernel(detect(scene).with_sampler("independent"))
         wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
     finally:
         path_module.make_intersect = make_intersect
@@ -100,7 +100,8 @@ def recording_kernel(features: Features) -> wp.Kernel:
             key.sample = wp.uint32(k)
             u = rng.uniform4(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u[0], u[1])
-            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), 0.0, max_depth)
+            u_choice = rng.uniform4(key, rng.CHOICE)[0]
+            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), u_choice, max_depth)
 
     return run
 

@@ -118,7 +118,7 @@ def learning(scene: warpmis.Scene, repeats: int) -> Figure:
 
     def with_learning() -> None:
         run.trace(Round(0, spp, learn=True), lambda samples: None)
-        run.solve(spp)
+        run.solve(Round(0, spp, learn=False))
         wp.copy(run.allocation, equal)
 
     def without() -> None:
@@ -142,7 +142,7 @@ def solver(scene: warpmis.Scene, method: str, repeats: int) -> Figure:
             for part in schedule(config):
                 run.trace(part, lambda samples: None)
                 if part.learn:
-                    solving += cpu_seconds(lambda samples=part.samples: run.solve(samples))
+                    solving += cpu_seconds(lambda part=part: run.solve(part))
 
         whole = cpu_seconds(rounds)
         return solving / whole
