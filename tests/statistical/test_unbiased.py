@@ -40,7 +40,7 @@ POWER = {
     "hidden_light": (0.05, 0.05),
 }
 # Where light comes through a gap, estimates scatter most.
-SPP = {"cornell_box": 512, "ajar_door": 1024, "veach_plates": 512, "open_terrace": 512}
+SPP = {"cornell_box": 512, "ajar_door": 1024, "veach_plates": 512, "open_terrace": 640}
 
 
 def check(name: str, methods: list[str], **settings: Any) -> None:
