@@ -23,7 +23,7 @@ from warpmis.device.upload import DeviceScene, check_device
 from warpmis.device.views import FilmView
 from warpmis.errors import ConfigError
 from warpmis.features import Features
-from warpmis.film import Film
+from warpmis.film import Film, spread_out
 from warpmis.generating_vector import lattice_length, lattice_steps
 from warpmis.kernels.identify import make_identify
 from warpmis.kernels.rng import vec_lattice
@@ -199,11 +199,11 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        passes, taken = self._passes(part.learn), self._taken(part, samples)
+        passes, numbers, taken = self._passes(part.learn), self._numbers(part, samples), self._taken(part, samples)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
-            self._launch(passes, part, samples, *job)
+            self._launch(passes, numbers, *job)
             with lock:
                 advance(int(taken[job[0] : sum(job)].sum()))
 
@@ -258,16 +258,18 @@ class Integrator:
             return samples.start, min(WATCHED_LATTICE, len(samples))
         return part.sequence.start, lattice_length(len(part.sequence))
 
-    def _launch(self, passes: list[Pass], part: Round, samples: range, first: int, count: int) -> None:
-        stratified = int(self.config.strategy_choice == "stratified")
-        direct_only = int(part.learn and self.config.how.direct_only)
-        pilot = -1 if part.learn else part.pilot
+    def _numbers(self, part: Round, samples: range) -> list[Any]:
+        """The trace kernel's arguments from `stride` to `direct_only`: what all launches of a piece have in common."""
+        config = self.config
         start, length = self._lattices(part, samples)
-        numbers = [start, length, samples.start, samples.stop, self.config.seed, self.config.max_depth]
-        numbers += [stratified, vec_lattice(*lattice_steps(length))]
+        numbers = [self.stride, -1 if part.learn else part.pilot, start, length, vec_lattice(*lattice_steps(length))]
+        numbers += [samples.start, samples.stop, config.seed, config.max_depth]
+        return [*numbers, int(config.strategy_choice == "stratified"), int(part.learn and config.how.direct_only)]
+
+    def _launch(self, passes: list[Pass], numbers: list[Any], first: int, count: int) -> None:
         for one in passes:
-            inputs = [self.scene.view, self.scene.camera, first, self.stride, pilot, one.groups, one.group, *numbers]
-            inputs += [one.allocation, direct_only, one.film, one.moments]
+            inputs = [self.scene.view, self.scene.camera, first, *numbers, one.groups, one.group]
+            inputs += [one.allocation, one.film, one.moments]
             wp.launch(one.kernel, dim=count, inputs=inputs, device=self.config.device)
         if self.is_cuda:
             wp.synchronize_device(self.config.device)
@@ -322,7 +324,11 @@ class Integrator:
 
     def color_sums(self) -> NDArray[np.float64]:
         """Sum of all samples' radiance so far, shape (H, W, 3)."""
-        sums: NDArray[np.float64] = np.sum([film.color for film in self.download()], axis=0)
+        colors = [self.film.color.numpy().reshape(self.height, self.width, 3)]
+        if self.config.how.learns:
+            learned = self.learn_film.color.numpy().reshape(self.learner.height, self.learner.width, 3)
+            colors.append(spread_out(learned, self.stride, self.width, self.height))
+        sums: NDArray[np.float64] = np.sum(colors, axis=0)
         return sums
 
     def allocation_map(self) -> NDArray[np.float32]:

@@ -19,7 +19,7 @@ import tempfile
 from pathlib import Path
 
 import warp as wp
-from recorded_rays import make_bare_queries
+from recorded_rays import bare_queries
 
 import warpmis
 from warpmis.config import RenderConfig
@@ -75,7 +75,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     wp.config.log_level = wp.LOG_ERROR
-    kernels = {"bare mesh queries": make_bare_queries(None)}
+    kernels = {"bare mesh queries": bare_queries}
     for name in arguments.scenes:
         scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=64)
         for method in arguments.method:

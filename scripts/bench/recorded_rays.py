@@ -113,23 +113,18 @@ def warp_mesh_of(view: SceneView) -> wp.Mesh:
     return mesh
 
 
-def make_bare_queries(cpu_flags: str | None) -> wp.Kernel:
-    """The kernel that asks the mesh and does nothing else, compiled with flags for the CPU, or None for Warp's own."""
-
-    @wp.kernel(module="unique", module_options={"cpu_compiler_flags": cpu_flags}, enable_backward=False)
-    def bare_queries(
-        mesh: wp.uint64,
-        origins: wp.array(dtype=wp.vec3),
-        directions: wp.array(dtype=wp.vec3),
-        lengths: wp.array(dtype=float),
-        hits: wp.array(dtype=float),
-    ):
-        """The closest surface for a path's ray, any surface for a shadow ray: what the trace kernel asks Warp for."""
-        i = wp.tid()
-        if lengths[i] < 1.0e29:
-            hits[i] = wp.where(wp.mesh_query_ray_anyhit(mesh, origins[i], directions[i], lengths[i]), 1.0, 0.0)
-        else:
-            query = wp.mesh_query_ray(mesh, origins[i], directions[i], 1.0e30)
-            hits[i] = query.t
-
-    return bare_queries
+@wp.kernel(module="unique", enable_backward=False)
+def bare_queries(
+    mesh: wp.uint64,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    lengths: wp.array(dtype=float),
+    hits: wp.array(dtype=float),
+):
+    """The closest surface for a path's ray, any surface for a shadow ray: what the trace kernel asks Warp for."""
+    i = wp.tid()
+    if lengths[i] < 1.0e29:
+        hits[i] = wp.where(wp.mesh_query_ray_anyhit(mesh, origins[i], directions[i], lengths[i]), 1.0, 0.0)
+    else:
+        query = wp.mesh_query_ray(mesh, origins[i], directions[i], 1.0e30)
+        hits[i] = query.t

@@ -5,7 +5,6 @@
 threads    samples per second with two threads over one, of three times as many repetitions: two cores are seldom left
            alone for long
 roofline   the trace kernel's rays per second over a bare kernel's on the same rays, one thread each
-same flags the same, the bare kernel too compiled with the trace kernel's flags
 learning   time of moments, solver and launches over the whole run's, on identical paths
 solver     time of the solver with eight strategies over the whole run's, `murray20` and `pooled`, 256 samples per pixel
 start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
@@ -30,13 +29,12 @@ from pathlib import Path
 
 import warp as wp
 from closed_room import write_closed_room
-from recorded_rays import make_bare_queries, record_rays, warp_mesh_of
+from recorded_rays import bare_queries, record_rays, warp_mesh_of
 
 import warpmis
 from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
 from warpmis.device.upload import upload
 from warpmis.integrator import Integrator, allocation_of
-from warpmis.kernels.trace import CPU_FLAGS
 from warpmis.learn.schedule import Round, schedule
 from warpmis.rendering import features_of
 from warpmis.scene import DomeLight
@@ -82,7 +80,7 @@ def threads(scene: warpmis.Scene, repeats: int) -> Figure:
     return figure(interleaved(lambda: run(1), lambda: run(2), 3 * repeats))
 
 
-def roofline(scene: warpmis.Scene, repeats: int, cpu_flags: str | None) -> Figure:
+def roofline(scene: warpmis.Scene, repeats: int) -> Figure:
     samples = 16
     capacity = scene.resolution[0] * scene.resolution[1] * samples * 20
     rays = record_rays(scene, samples, max_depth=8, capacity=capacity)
@@ -90,8 +88,6 @@ def roofline(scene: warpmis.Scene, repeats: int, cpu_flags: str | None) -> Figur
     columns = [wp.array(rays.origins, dtype=wp.vec3), wp.array(rays.directions, dtype=wp.vec3), wp.array(rays.lengths)]
     hits = wp.zeros(len(rays.lengths), dtype=float)
     run = integrator(scene, RenderConfig(method="nee", threads=1))
-
-    bare_queries = make_bare_queries(cpu_flags)
 
     def bare() -> float:
         inputs = [mesh.id, *columns, hits]
@@ -167,8 +163,7 @@ def measure(stage: Path, width: int, repeats: int) -> dict[str, dict[str, float]
     scene = warpmis.load_stage(stage, width=width)
     report = {"threads": threads(scene, repeats)}
     if not any(isinstance(light, DomeLight) for light in scene.lights):
-        report["roofline"] = roofline(scene, repeats, None)
-        report["same flags"] = roofline(scene, repeats, CPU_FLAGS)
+        report["roofline"] = roofline(scene, repeats)
     report["learning"] = learning(scene, repeats)
     report["solver m."] = solver(scene, "murray20", repeats)
     report["solver p."] = solver(scene, "pooled", repeats)

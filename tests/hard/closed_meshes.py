@@ -17,7 +17,6 @@ from warpmis.geometry import Geometry, Prototype
 from warpmis.kernels.frame import frame_from_normal, to_world
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.trace import CPU_FLAGS
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 
@@ -31,7 +30,7 @@ BOUNCES = wp.constant(3)
 def make_count_leaks(tree: str) -> wp.Kernel:
     intersect = make_intersect(Features(instances=True, tree=tree))
 
-    @wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def count_leaks(scene: SceneView, center: wp.vec3, inner: float, aim: int, seed: int, leaks: wp.array(dtype=int)):
         """Rays from about the centre, no farther than `inner` along any axis. leaks: those that meet nothing, shadow
         rays that meet nothing, and paths that get out within some bounces."""

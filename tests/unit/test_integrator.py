@@ -15,6 +15,8 @@ from warpmis.device.film import download_film
 from warpmis.device.upload import upload
 from warpmis.features import Features, detect
 from warpmis.learn.schedule import Round
+from warpmis.methods import METHODS
+from warpmis.rendering import features_of
 
 SETTINGS = {"spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
 
@@ -113,6 +115,17 @@ def test_kernels_that_differ_in_a_strategy_alone_are_two() -> None:
         for third in ("uniform", "cosine")
     )
     assert not np.array_equal(uniform.image, cosine.image)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_kernels_of_a_run_have_the_same_compiler_options(method: str) -> None:
+    """Warp keeps what the compiler has read of its headers for each set of options: 2 s of a first render each."""
+    config = warpmis.RenderConfig(method=method, allocation=(0.5, 0.5) if method == "fixed" else None, ids=True)
+    scene = scenes.room()
+    modules = {kernel.module for kernel in integrator.kernels_of(features_of(scene, config), config)}
+    assert len(modules) > 2
+    names = ("cpu_compiler_flags", "optimization_level", "mode", "fuse_fp")
+    assert len({tuple(module.options.get(name) for name in names) for module in modules}) == 1
 
 
 def test_progress_ends_at_the_total() -> None:

@@ -1,4 +1,4 @@
-"""Eight floats at a time: what becomes of eight comparisons."""
+"""Eight floats at a time: masks of comparisons, minima, maxima."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import numpy as np
 import warp as wp
 
 from warpmis.device.views import vec8f
-from warpmis.kernels.lanes import lanes_up_to, lowest_bit
-from warpmis.kernels.trace import CPU_FLAGS
+from warpmis.kernels.lanes import greater, lanes_up_to, lesser, lowest_bit
 
 
-@wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False)
 def compare(
     a: wp.array(dtype=vec8f), b: wp.array(dtype=vec8f), masks: wp.array(dtype=int), lowest: wp.array(dtype=int)
 ):
@@ -22,11 +21,30 @@ def compare(
         lowest[i] = lowest_bit(mask)
 
 
+@wp.kernel(module="unique", enable_backward=False)
+def part(a: wp.array(dtype=vec8f), b: wp.array(dtype=vec8f), least: wp.array(dtype=vec8f), most: wp.array(dtype=vec8f)):
+    i = wp.tid()
+    least[i] = lesser(a[i], b[i])
+    most[i] = greater(a[i], b[i])
+
+
+VALUES = np.array([-np.inf, -1.0, -1e-37, -0.0, 0.0, 1e-37, 1.0, np.inf], np.float32)
+
+
+def test_minima_and_maxima() -> None:
+    """The lesser and the greater of each two lanes; the second where either is NaN."""
+    a, b = np.random.default_rng(2).choice(np.append(VALUES, np.nan), (2, 1 << 10, 8))
+    inputs = [wp.array(e, dtype=vec8f, device="cpu") for e in (a, b)]
+    least, most = (wp.zeros(len(a), dtype=vec8f, device="cpu") for _ in range(2))
+    wp.launch(part, len(a), [*inputs, least, most], device="cpu")
+    np.testing.assert_array_equal(least.numpy(), np.where(a < b, a, b))
+    np.testing.assert_array_equal(most.numpy(), np.where(a > b, a, b))
+
+
 def test_masks_of_comparisons() -> None:
     """Every mask there is, by values that are equal, of either sign, infinite, 0 and -0."""
-    values = np.array([-np.inf, -1.0, -1e-37, -0.0, 0.0, 1e-37, 1.0, np.inf], np.float32)
     rng = np.random.default_rng(1)
-    a, b = rng.choice(values, (2, 1 << 15, 8))
+    a, b = rng.choice(VALUES, (2, 1 << 15, 8))
     masks, lowest = (wp.zeros(len(a), dtype=int, device="cpu") for _ in range(2))
     inputs = [wp.array(e, dtype=vec8f, device="cpu") for e in (a, b)]
     wp.launch(compare, len(a), [*inputs, masks, lowest], device="cpu")

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from warpmis.device.mesh import padded_boxes
 from warpmis.device.views import WideTreeView
 from warpmis.device.wide_tree import HALVING_LEVEL, WIDTH, wide_trees
-from warpmis.kernels.trace import CPU_FLAGS
 from warpmis.kernels.wide_tree import LEVELS, STACK_SIZE, is_met_in_tree, nearest_in_tree
 
 Soup = tuple[NDArray[np.float32], NDArray[np.int32]]
@@ -92,7 +91,7 @@ def test_no_tree_needs_more_than_the_stack() -> None:
     assert most <= LEVELS
 
 
-@wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False)
 def shoot(
     tree: WideTreeView,
     root: int,

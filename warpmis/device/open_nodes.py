@@ -11,8 +11,7 @@ import warp as wp
 
 from warpmis.device.views import vec8f, vec8i
 
-# Inlined as trace kernels are it takes a third longer to compile.
-wp.set_module_options({"enable_backward": False, "cpu_compiler_flags": "-march=native"})
+wp.set_module_options({"enable_backward": False})
 
 WIDTH = 8  # boxes a node, and triangles a leaf
 BINS = 16

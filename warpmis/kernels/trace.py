@@ -14,17 +14,6 @@ from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
 from warpmis.kernels.sampler import make_sampler
 
-# On a CPU the minima and maxima of the tree's traversal are an instruction each, instead of several, where NaN need not
-# be kept: a fifth of the whole time. What does become NaN is told by its bits, which the compiler leaves alone.
-# The compiler's warnings (-w: none) are about Warp's own source, and would be all that a user sees of a first render.
-CPU_FLAGS = f"{wp.config.cpu_compiler_flags} -menable-no-nans -w"
-
-
-@wp.func
-def is_finite(value: float) -> bool:
-    """Whether the exponent's bits are not all ones."""
-    return wp.cast(value, wp.uint32) << wp.uint32(1) < wp.uint32(0xFF000000)
-
 
 @wp.func
 def widened(luminance: wp.vec2d, count: int, y: wp.float64) -> wp.vec2d:
@@ -69,25 +58,25 @@ def make_trace(features: Features) -> wp.Kernel:
     learns = layout.size > 0
     vec_k = moments.vec_k
 
-    @wp.kernel(module="unique", module_options={"cpu_compiler_flags": CPU_FLAGS}, enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def trace(
         scene: SceneView,
         camera: CameraView,
         first: int,
         stride: int,
         pilot: int,
-        groups: wp.array(dtype=wp.uint8),
-        group: int,
         sequence: int,
         lattice_length: int,
+        lattice_steps: rng.vec_lattice,
         first_sample: int,
         end_sample: int,
         seed: wp.uint32,
         max_depth: int,
         stratified: int,
-        lattice_steps: rng.vec_lattice,
-        allocation: wp.array(dtype=vec_s),
         direct_only: int,
+        groups: wp.array(dtype=wp.uint8),
+        group: int,
+        allocation: wp.array(dtype=vec_s),
         film: FilmView,
         moment_sums: wp.array(dtype=vec_k),
     ):
@@ -140,7 +129,7 @@ def make_trace(features: Features) -> wp.Kernel:
             shadow_rays += wp.int64(sample.shadow_rays)
             radiance = sample.seen + sample.mixed
             brightness = luminance(radiance)
-            if not is_finite(brightness):
+            if not wp.isfinite(brightness):
                 rejected += 1
                 continue
             color += wp.vec3d(radiance)

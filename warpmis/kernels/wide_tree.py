@@ -13,7 +13,7 @@ Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1)).
 import warp as wp
 
 from warpmis.device.views import WideTreeView
-from warpmis.kernels.lanes import all_eight, lanes_up_to, lowest_bit
+from warpmis.kernels.lanes import all_eight, greater, lanes_up_to, lesser, lowest_bit
 
 wp.set_module_options({"enable_backward": False})
 
@@ -95,8 +95,8 @@ def boxes_met(tree: WideTreeView, node: int, ray: SlabRay, reach: float):
     far_y = (tree.bounds[row + 3 - ray.far[1]] - y) * ray.inverse[1]
     near_z = (tree.bounds[row + 4 + ray.far[2]] - z) * ray.inverse[2]
     far_z = (tree.bounds[row + 5 - ray.far[2]] - z) * ray.inverse[2]
-    near = wp.max(wp.max(near_x, near_y), wp.max(near_z, all_eight(0.0)))
-    far = wp.min(wp.min(far_x, far_y), wp.min(far_z, all_eight(reach)))
+    near = greater(greater(near_x, near_y), greater(near_z, all_eight(0.0)))
+    far = lesser(lesser(far_x, far_y), lesser(far_z, all_eight(reach)))
     return lanes_up_to(near, far), near
 
 
@@ -125,14 +125,14 @@ def triangles_met(tree: WideTreeView, leaf: int, ray: SlabRay, reach: float):
     v = wp.cw_mul(ax, cy) - wp.cw_mul(ay, cx)
     w = wp.cw_mul(bx, ay) - wp.cw_mul(by, ax)
     zero = all_eight(0.0)
-    lowest = wp.min(wp.min(u, v), w)
-    highest = wp.max(wp.max(u, v), w)
-    is_inside = lanes_up_to(wp.min(-lowest, highest), zero)
+    lowest = lesser(lesser(u, v), w)
+    highest = greater(greater(u, v), w)
+    is_inside = lanes_up_to(lesser(-lowest, highest), zero)
     total = u + v + w
-    least = wp.min(wp.min(wp.abs(u), wp.abs(v)), wp.abs(w))
-    across = wp.max(wp.max(wp.abs(ax), wp.abs(bx)), wp.abs(cx))
-    up = wp.max(wp.max(wp.abs(ay), wp.abs(by)), wp.abs(cy))
-    size = wp.max(across, up)
+    least = lesser(lesser(wp.abs(u), wp.abs(v)), wp.abs(w))
+    across = greater(greater(wp.abs(ax), wp.abs(bx)), wp.abs(cx))
+    up = greater(greater(wp.abs(ay), wp.abs(by)), wp.abs(cy))
+    size = greater(across, up)
     is_thin = lanes_up_to(wp.abs(total), wp.cw_mul(size, size) * THIN)
     in_doubt = is_inside & (lanes_up_to(least, zero) | is_thin)
     scale = wp.cw_div(all_eight(1.0), total)

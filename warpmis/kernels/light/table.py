@@ -149,29 +149,28 @@ def make_lights(features: Features) -> SimpleNamespace:
         return s
 
     @wp.func
-    def sample(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
-        """A direction towards the receiver's light; the density holds its choice. u[0] made that choice."""
+    def sample_chosen(scene: SceneView, r: Receiver, chosen: int, chance: float, u: wp.vec4) -> LightSample:
+        """A direction towards the light that was chosen with this chance, which the density holds; none if it is -1."""
         s = LightSample()
-        if r.chosen >= 0:
-            s = sample_light(scene, scene.lights[r.chosen], r, u)
-            s.light = r.chosen + 1
+        if chosen >= 0:
+            s = sample_light(scene, scene.lights[chosen], r, u)
+            s.light = chosen + 1
             s.pdf_of_light = s.pdf_solid_angle
-            s.pdf_solid_angle = s.pdf_of_light * (r.chosen_importance / r.total)
+            s.pdf_solid_angle = s.pdf_of_light * chance
         return s
+
+    @wp.func
+    def sample(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
+        """A direction towards the receiver's light. u[0] made that choice."""
+        return sample_chosen(scene, r, r.chosen, r.chosen_importance / r.total, u)
 
     @wp.func
     def sample_range(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: wp.vec4) -> LightSample:
         """The same among the lights first to end - 1, whose importances sum to `total`; u[0] chooses one, and what is
         left of it stands in for u[1]."""
         choice = choose(scene, r, first, end, total, u[0])
-        s = LightSample()
-        if choice.light >= 0:
-            v = wp.vec4(u[0], choice.left, u[2], u[3])
-            s = sample_light(scene, scene.lights[choice.light], r, v)
-            s.light = choice.light + 1
-            s.pdf_of_light = s.pdf_solid_angle
-            s.pdf_solid_angle = s.pdf_of_light * (choice.importance / total)
-        return s
+        v = wp.vec4(u[0], choice.left, u[2], u[3])
+        return sample_chosen(scene, r, choice.light, choice.importance / total, v)
 
     @wp.func
     def hit(light: LightView, x: wp.vec3, wi: wp.vec3) -> LightHit:
