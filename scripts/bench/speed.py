@@ -7,8 +7,9 @@ threads    samples per second with two threads over one, of three times as many 
 roofline   the trace kernel's rays per second over a bare kernel's on the same rays, one thread each
 learning   time of moments, solver and launches over the whole run's, on identical paths
 solver     time of the solver with eight strategies over the whole run's, `murray20` and `pooled`, 256 samples per pixel
-start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without and with a
-           kernel cache
+start      seconds from the command to a written picture, 128 pixels wide, 64 samples per pixel, without a kernel cache,
+           and of these until all kernels are compiled; with one, and of these what is not rendering: all that
+           comes before the first sample, and writing the picture
 
 Each figure is the median of interleaved repetitions, with the smallest and the largest beside it (learning: with the
 quartiles).
@@ -26,6 +27,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import warp as wp
 from closed_room import write_closed_room
@@ -150,13 +152,18 @@ def solver(scene: warpmis.Scene, method: str, repeats: int) -> Figure:
 def start(stage: Path) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "warpmis", "render", str(stage), f"{folder}/out.exr", "-w", "128"]
-        command += ["--spp", "64", "--quiet"]
+        command += ["--spp", "64", "--quiet", "--json"]
         environment = {**os.environ, "WARP_CACHE_PATH": f"{folder}/cache"}
 
-        def run() -> float:
-            return seconds(lambda: subprocess.run(command, env=environment, check=True))
+        def run() -> tuple[float, dict[str, Any]]:
+            begin = time.perf_counter()
+            done = subprocess.run(command, env=environment, check=True, capture_output=True)
+            return time.perf_counter() - begin, json.loads(done.stdout)["stats"]
 
-        return {"cold": run(), "warm": statistics.median(run() for _ in range(3))}
+        cold, compiled = run()
+        _, (warm, stats), _ = sorted((run() for _ in range(3)), key=lambda one: one[0])
+        rendering = stats["seconds"]["learn"] + stats["seconds"]["render"]
+        return {"cold": cold, "compiling": compiled["compile_seconds"], "warm": warm, "not rendering": warm - rendering}
 
 
 def measure(stage: Path, width: int, repeats: int) -> dict[str, dict[str, float]]:
