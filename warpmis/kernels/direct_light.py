@@ -4,10 +4,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import DELTA_DISTANT, SceneView
+from warpmis.device.views import DELTA_DISTANT, MaterialView, SceneView
 from warpmis.features import Features
 from warpmis.kernels.bsdf.surface import Surface
 from warpmis.kernels.frame import Frame, luminance, to_local
+from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.mesh import pdf_mesh
 from warpmis.kernels.light.records import Receiver
@@ -20,7 +21,7 @@ wp.set_module_options({"enable_backward": False})
 def make_direct_light(
     features: Features, surface: SimpleNamespace, lights: SimpleNamespace, intersect: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions for one set of effects: from_delta_light, from_light_sample, mesh_light_weight, arriving_emission."""
+    """Functions for one set of effects: from_delta_light, from_light_sample, from_mesh_light."""
 
     @wp.struct
     class DirectLight:
@@ -111,28 +112,29 @@ def make_direct_light(
         return direct
 
     @wp.func
-    def mesh_light_weight(
-        scene: SceneView, r: Receiver, index: int, ng: wp.vec3, wi: wp.vec3, distance: float, pdf_bsdf: float
-    ) -> float:
-        """MIS weight of a direction that the BSDF drew and that met a mesh light, against the lights' density."""
-        light = scene.lights[index]
-        of_light = pdf_mesh(light, ng, wi, distance) * lights.importance(scene, light, r)
-        return balance_weight(pdf_bsdf, lights.density(of_light, r.total))
-
-    @wp.func
-    def arriving_emission(scene: SceneView, r: Receiver, index: int, emission: wp.vec3, wi: wp.vec3) -> wp.vec3:
-        """What of a mesh light's emission arrives at r, against wi."""
+    def from_mesh_light(
+        scene: SceneView, r: Receiver, hit: Hit, material: MaterialView, wi: wp.vec3, distance: float, pdf_bsdf: float
+    ) -> wp.vec3:
+        """What arrives at r of the light of the surface that was hit, against wi, which the BSDF drew with this density
+        and weighs against the lights'; a density of 0: nothing else could have found it."""
+        index = scene.triangles[hit.triangle].light
+        if index < 0 or (hit.outside == 0 and material.double_sided == 0):
+            return wp.vec3(0.0, 0.0, 0.0)
+        emission = material.emission
         if wp.static(features.controlled):
             factor = lights.control.factor(scene, index, r, wi)
             if wp.static(features.light_response):
                 if r.prim > 0:
                     factor = wp.cw_mul(factor, lights.control.response(scene, index, r.diffuse))
-            return wp.cw_mul(emission, factor)
-        return emission
+            emission = wp.cw_mul(emission, factor)
+        if pdf_bsdf <= 0.0:
+            return emission
+        light = scene.lights[index]
+        of_light = pdf_mesh(light, hit.ng, wi, distance) * lights.importance(scene, light, r)
+        return emission * balance_weight(pdf_bsdf, lights.density(of_light, r.total))
 
     return SimpleNamespace(
         from_delta_light=from_delta_light,
         from_light_sample=from_light_sample,
-        mesh_light_weight=mesh_light_weight,
-        arriving_emission=arriving_emission,
+        from_mesh_light=from_mesh_light,
     )

@@ -13,7 +13,7 @@ from warpmis.device.views import SceneView
 from warpmis.features import Features
 from warpmis.kernels import rng, roulette
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
-from warpmis.kernels.bsdf.surface import make_surface
+from warpmis.kernels.bsdf.surface import Surface, make_surface
 from warpmis.kernels.direct_light import make_direct_light
 from warpmis.kernels.frame import luminance, to_local, to_world
 from warpmis.kernels.intersect import MAX_PASSED, make_intersect
@@ -49,6 +49,16 @@ def make_path(features: Features) -> SimpleNamespace:
     paired = "pair" in features.statistics
     # Of paths that end behind the mixture's vertex none comes to a vertex without one.
     has_next_event = features.indirect or paired or not has_mixture
+
+    @wp.struct
+    class VertexNumbers:
+        """What a vertex draws by. strategy: of the mixture, or -1; light: a light and a direction towards it; scatter:
+        a lobe and a direction from it; delta_light: one of these."""
+
+        strategy: int
+        light: wp.vec4
+        scatter: wp.vec4
+        delta_light: float
 
     @wp.struct
     class PathSample:
@@ -88,6 +98,47 @@ def make_path(features: Features) -> SimpleNamespace:
         shadow_rays: int
         early_rays: int
         early_shadow_rays: int
+
+    @wp.func
+    def numbers_of(key: rng.RngKey, step: int, allocation: vec_s, u_choice: float) -> VertexNumbers:
+        """Those of one vertex; at the first that scatters u_choice makes its choices, elsewhere it is less than 0."""
+        u = VertexNumbers()
+        u.strategy = -1
+        u.light = sampler.of_step(key, step, rng.LIGHT)
+        u.scatter = sampler.of_step(key, step, rng.SCATTER)
+        if wp.static(features.delta_light):
+            u.delta_light = sampler.of_step(key, step, rng.DELTA_LIGHT)[0]
+        if u_choice >= 0.0:
+            left = u_choice
+            if wp.static(has_mixture):
+                u.strategy = strategies.choose(allocation, u_choice)
+                left = strategies.left_of(allocation, u.strategy, u_choice)
+            u.light[0] = left
+            u.scatter[0] = left
+            u.delta_light = u_choice
+        return u
+
+    @wp.func
+    def followed(u: VertexNumbers, r: Receiver, s: Surface) -> VertexNumbers:
+        """The numbers with what the choices of light and lobe leave over as the first number of the direction."""
+        u.light[1] = r.left
+        u.scatter[1] = surface.left_of(s, u.scatter[0])
+        return u
+
+    @wp.func
+    def ended(path: PathSample, L: wp.vec3, has_mixed: bool, early: wp.vec3) -> PathSample:
+        """The path with its light where it belongs: behind the mixture's vertex, of which `early` came before any
+        roulette, or seen without one."""
+        if not has_mixed:
+            path.seen = L
+            return path
+        path.mixed = L
+        if path.early_rays == 0:
+            path.early_rays = path.rays
+            path.early_shadow_rays = path.shadow_rays
+        else:
+            path.late = L - early
+        return path
 
     @wp.func
     def Li(
@@ -164,12 +215,8 @@ def make_path(features: Features) -> SimpleNamespace:
                 break
             material = materials.at(scene, hit.triangle, hit.u, hit.v)
             if wp.static(features.mesh_light):
-                light = scene.triangles[hit.triangle].light
-                if light >= 0 and (hit.outside != 0 or material.double_sided != 0):
-                    weight = float(1.0)
-                    if arrival == WEIGHTED:
-                        weight = direct_light.mesh_light_weight(scene, r, light, hit.ng, wi, far, pdf_bsdf)
-                    emission += direct_light.arriving_emission(scene, r, light, material.emission, wi) * weight
+                against = wp.where(arrival == WEIGHTED, pdf_bsdf, 0.0)
+                emission += direct_light.from_mesh_light(scene, r, hit, material, wi, far, against)
             L += wp.cw_mul(beta, emission)
             if mixed == bounces:
                 path.direct += wp.cw_mul(beta, emission)
@@ -207,30 +254,16 @@ def make_path(features: Features) -> SimpleNamespace:
                     arrival = SEEN
                     continue
 
-            u_light = sampler.of_step(key, step, rng.LIGHT)
-            u_scatter = sampler.of_step(key, step, rng.SCATTER)
-            u_delta = wp.vec4()
-            if wp.static(features.delta_light):
-                u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)
-            strategy = int(-1)
-            if u_choice >= 0.0:
-                if wp.static(has_mixture):
-                    strategy = strategies.choose(allocation, u_choice)
-                    u_choice = strategies.left_of(allocation, strategy, u_choice)
-                u_light[0] = u_choice
-                u_scatter[0] = u_choice
-                u_delta[0] = u_strategy
-            r = lights.receiver(scene, start, frame.n, u_light[0])
+            u = numbers_of(key, step, allocation, u_choice)
+            r = lights.receiver(scene, start, frame.n, u.light[0])
             if wp.static(features.controlled):
                 r.prim = lights.control.prim_of(scene, hit)
             s = surface.prepare(material, wo)
             if u_choice >= 0.0:
-                # What the choices of light and lobe leave over is the first number of the direction.
-                u_light[1] = r.left
-                u_scatter[1] = surface.left_of(s, u_choice)
+                u = followed(u, r, s)
                 u_choice = -1.0
             if wp.static(features.delta_light):
-                from_delta = direct_light.from_delta_light(scene, r, frame, hit.ng, s, u_delta[0])
+                from_delta = direct_light.from_delta_light(scene, r, frame, hit.ng, s, u.delta_light)
                 L += wp.cw_mul(beta, from_delta.radiance)
                 path.shadow_rays += from_delta.rays
             arrival = WEIGHTED
@@ -244,15 +277,15 @@ def make_path(features: Features) -> SimpleNamespace:
                 if wp.static(not paired):
                     if arrival == MIXTURE:
                         # Until the direction's densities are known the path is of the strategy that drew it alone.
-                        path.q = strategies.drawn_by(strategy, allocation)
-                        drawn = strategies.sample(scene, r, frame, s, strategy, u_scatter, u_light)
+                        path.q = strategies.drawn_by(u.strategy, allocation)
+                        drawn = strategies.sample(scene, r, frame, s, u.strategy, u.scatter, u.light)
                         wi = drawn.wi
                         r.drawn = drawn.light
                         r.drawn_distance = drawn.distance
                         r.drawn_pdf = drawn.pdf_of_light
             if wp.static(has_next_event):
                 if arrival >= WEIGHTED:
-                    from_light = direct_light.from_light_sample(scene, r, frame, hit.ng, s, u_light)
+                    from_light = direct_light.from_light_sample(scene, r, frame, hit.ng, s, u.light)
                     L += wp.cw_mul(beta, from_light.radiance)
                     path.shadow_rays += from_light.rays
                     if wp.static(paired):
@@ -260,7 +293,7 @@ def make_path(features: Features) -> SimpleNamespace:
                             path.light = L
                             path.light_share = from_light.share
                             path.light_rays = from_light.rays
-                    wi = to_world(frame, surface.sample(s, u_scatter))
+                    wi = to_world(frame, surface.sample(s, u.scatter))
 
             if wp.dot(wi, hit.ng) <= 0.0:
                 break
@@ -290,15 +323,6 @@ def make_path(features: Features) -> SimpleNamespace:
                             break
                         beta = beta / survival
                         survived = survived * survival
-        if mixed < 0:
-            path.seen = L
-        else:
-            path.mixed = L
-            if path.early_rays == 0:
-                path.early_rays = path.rays
-                path.early_shadow_rays = path.shadow_rays
-            else:
-                path.late = L - early
-        return path
+        return ended(path, L, mixed >= 0, early)
 
     return SimpleNamespace(Li=Li, PathSample=PathSample, strategies=strategies, paired=paired)
