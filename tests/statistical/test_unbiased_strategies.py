@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from statistical.estimates import REGIONS, SCENES, caught_bias, estimates, paired_p_values
+from statistical.estimates import REGIONS, SCENES, SEEDS, caught_bias, estimates, paired_p_values
 from stats import sidak
 
 from warpmis.config import COMPLETE, STRATEGIES
 
-SEEDS = 12
 SPP = 128
 SIGNIFICANCE = 0.01
 LEAST_COMPLETE = 0.3
@@ -75,13 +74,13 @@ def check(name: str, chosen: list[Subset], spp: int = SPP) -> None:
     random = np.random.default_rng(3)
     level = sidak(SIGNIFICANCE, len(SCENES) * len(chosen) * REGIONS)
     settings: dict[str, Any] = {"method": "fixed", "strategies": STRATEGIES, "spp": spp}
-    reference = estimates(name, SEEDS, **settings, allocation=tuple(np.full(8, 1 / 8)))
+    reference = estimates(name, SEEDS[name], **settings, allocation=tuple(np.full(8, 1 / 8)))
     disagreements, caught = [], []
     needed = NEEDED.get(name, ())
     for subset in chosen:
         shares = (1.0 - LEAST_NEEDED * len(needed)) * random_shares(subset, random)
         shares[[STRATEGIES.index(strategy) for strategy in needed]] += LEAST_NEEDED
-        found = estimates(name, SEEDS, **settings, allocation=tuple(shares))
+        found = estimates(name, SEEDS[name], **settings, allocation=tuple(shares))
         p = paired_p_values(found, reference)
         label = ", ".join(f"{name} {shares[STRATEGIES.index(name)]:.2f}" for name in {*subset, *needed})
         disagreements += [f"{label}, region {i}: p = {p[i]:.2g}" for i in range(REGIONS) if p[i] < level]
@@ -107,13 +106,13 @@ def test_mixtures_agree(name: str) -> None:
 def test_choice_of_strategy_and_compensation_keep_the_mean(name: str) -> None:
     """Stratified or random choice; a dome's picture sampled by what it has above its mean, which next-event estimation
     and mixtures make up for alike."""
-    plain = {method: estimates(name, SEEDS, method=method, spp=2 * SPP) for method in ("balance", "nee")}
+    plain = {method: estimates(name, SEEDS[name], method=method, spp=2 * SPP) for method in ("balance", "nee")}
     others = [("balance", {"strategy_choice": "random"})]
     if name == "open_terrace":
         others += [(method, {"mis_compensation": True}) for method in plain]
     level = sidak(SIGNIFICANCE, 4 * REGIONS)
     for method, settings in others:
-        found = estimates(name, SEEDS, method=method, spp=2 * SPP, **settings)
+        found = estimates(name, SEEDS[name], method=method, spp=2 * SPP, **settings)
         assert not (found == plain[method]).all(), f"{settings} changes nothing"
         assert paired_p_values(found, plain[method]).min() > level, (method, settings)
         assert caught_bias(found, plain[method], level) < POWER[name], (method, settings)
