@@ -16,6 +16,7 @@ from scipy import stats
 from stats import POWER
 
 import warpmis
+from warpmis.rendering import Uploads
 
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace", "hidden_light")
 # Where single paths decide, more pictures tell more than more samples do: with them the t-distribution's tails, which
@@ -32,6 +33,12 @@ def load(name: str) -> warpmis.Scene:
     return warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=24)
 
 
+@cache
+def uploads_of(name: str) -> Uploads:
+    """The scene's trees, built once for all of its renders."""
+    return Uploads()
+
+
 def block_means(image: NDArray[Any]) -> NDArray[np.float64]:
     """Luminance of the whole picture, then of each of BLOCKS x BLOCKS blocks, shape (REGIONS,)."""
     luminance = image @ np.array([0.2126, 0.7152, 0.0722])
@@ -42,8 +49,9 @@ def block_means(image: NDArray[Any]) -> NDArray[np.float64]:
 
 def estimates(name: str, seeds: int, **settings: Any) -> NDArray[np.float64]:
     """Regions' means of a scene, a row a seed, shape (seeds, REGIONS)."""
-    scene = load(name)
-    return np.array([block_means(warpmis.render(scene, seed=seed, **settings).image) for seed in range(seeds)])
+    scene, uploads = load(name), uploads_of(name)
+    pictures = (warpmis.render(scene, uploads=uploads, seed=seed, **settings).image for seed in range(seeds))
+    return np.array([block_means(picture) for picture in pictures])
 
 
 def paired_p_values(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpmis.device.mesh import MAX_SHARE, PAD, padding
+from warpmis.device.mesh import MAX_SHARE, PAD, padding, triangle_boxes
 from warpmis.device.records import records
 from warpmis.device.views import InstanceView
 from warpmis.geometry import Bounds, Prototype
@@ -29,7 +29,8 @@ def padded_bounds(prototype: Prototype, extent: float) -> Bounds:
     """
     low, high = prototype.boxes
     geometry = prototype.geometry
-    inside = padding(geometry.points[geometry.triangles], extent * largest_shrinking(prototype)).max()
+    own = triangle_boxes(geometry.points, geometry.triangles)
+    inside = padding(*own, extent * largest_shrinking(prototype)).max()
     side = (high - low).max(axis=1, keepdims=True)
     pad = np.abs(prototype.linear).sum(axis=2) * float(inside) + np.minimum(PAD * extent, MAX_SHARE * side)
     reach = high - low + np.abs(prototype.translation)

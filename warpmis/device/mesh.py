@@ -19,9 +19,19 @@ PAD = 2.0**-20
 MAX_SHARE = 0.25
 
 
-def padding(corners: NDArray[np.float32], reach: float) -> NDArray[np.float32]:
-    """How far boxes go beyond triangles, shape (F, 1); corners shape (F, 3, 3), `reach` as in padded_boxes."""
-    side = np.ptp(corners, axis=1).max(axis=1, keepdims=True)
+def triangle_boxes(
+    points: NDArray[np.float32], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Lower and upper corners of the triangles' own boxes, shape (F, 3) each."""
+    # Three arrays at a time: along an axis of three NumPy goes number by number, and takes ten times as long.
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def padding(low: NDArray[np.float32], high: NDArray[np.float32], reach: float) -> NDArray[np.float32]:
+    """How far boxes go beyond triangles with these, shape (F, 1); `reach` as in padded_boxes."""
+    x, y, z = (high - low).T
+    side = np.maximum(np.maximum(x, y), z)[:, None]
     return np.minimum(np.float32(PAD) * np.float32(reach), np.float32(MAX_SHARE) * side)
 
 
@@ -36,10 +46,8 @@ def padded_boxes(
     Reference: Ize (2013), "Robust BVH Ray Traversal", JCGT 2(2), which grows the slab's far distance by 2 gamma_3;
     the tree's own test cannot be changed, so the boxes grow instead.
     """
-    corners = points[triangles]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    extent = (high.max(axis=0) - low.min(axis=0)).max() if reach is None else reach
-    pad = padding(corners, extent)
+    low, high = triangle_boxes(points, triangles)
+    pad = padding(low, high, (high.max(axis=0) - low.min(axis=0)).max() if reach is None else reach)
     return np.nextafter(low - pad, np.float32(-np.inf)), np.nextafter(high + pad, np.float32(np.inf))
 
 
