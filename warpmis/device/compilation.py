@@ -9,7 +9,7 @@ from pathlib import Path
 
 import warp as wp
 
-# One compiler for the trace kernel, which takes longer than all others together, and one for those.
+# Each reads Warp's headers for itself, which takes as long as half a trace kernel: of those a run has three at most.
 COMPILERS = 2
 
 

@@ -23,7 +23,7 @@ def triangle_boxes(
     points: NDArray[np.float32], triangles: NDArray[np.int32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Lower and upper corners of the triangles' own boxes, shape (F, 3) each."""
-    # Three arrays at a time: along an axis of three NumPy goes number by number, and takes ten times as long.
+    # Three arrays at a time: along an axis of three NumPy goes number by number, and takes several times as long.
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
