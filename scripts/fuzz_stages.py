@@ -258,7 +258,7 @@ def work(first: int, end: int, render_every: int) -> None:
     import warp as wp
 
     import warpmis
-    from warpmis.features import Features
+    from warpmis.scene.features import Features
 
     wp.config.log_level = wp.LOG_ERROR
     warnings.simplefilter("error", RuntimeWarning)

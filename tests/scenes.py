@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpmis.geometry import Geometry
 from warpmis.scene import Camera, DomeLight, Light, Material, Prim, RectLight, Scene, SphereLight
+from warpmis.scene.geometry import Geometry
 
 USD_SCENES = Path(__file__).parent.parent / "usd_scenes"
 

@@ -12,9 +12,9 @@ from warpmis.errors import ConfigError, Interrupted, StageError, WarpmisError
 
 if TYPE_CHECKING:
     from warpmis.config import LearnConfig, RenderConfig
-    from warpmis.progress import Progress
-    from warpmis.rendering import render
-    from warpmis.result import RenderResult
+    from warpmis.rendering.progress import Progress
+    from warpmis.rendering.render import render
+    from warpmis.rendering.result import RenderResult
     from warpmis.scene import Scene
     from warpmis.usd import load_stage
 
@@ -37,12 +37,12 @@ __all__ = [
 
 _HOME = {
     "LearnConfig": "warpmis.config",
-    "Progress": "warpmis.progress",
+    "Progress": "warpmis.rendering.progress",
     "RenderConfig": "warpmis.config",
-    "RenderResult": "warpmis.result",
+    "RenderResult": "warpmis.rendering.result",
     "Scene": "warpmis.scene",
     "load_stage": "warpmis.usd",
-    "render": "warpmis.rendering",
+    "render": "warpmis.rendering.render",
 }
 
 

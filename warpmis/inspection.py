@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.device.environment import LUMINANCE, mean_over_sphere
-from warpmis.features import Features, detect, is_emissive
-from warpmis.geometry import bounds
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, Prim, RectLight, Scene, SphereLight
-from warpmis.texture import Texture, TextureLookup
+from warpmis.scene.features import Features, detect, is_emissive
+from warpmis.scene.geometry import bounds
+from warpmis.scene.texture import Texture, TextureLookup
 
 # Light that leaves a surface: lumen where the scene's unit of length is the metre.
 POWER_UNIT = "nit sr unit^2"

@@ -42,8 +42,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
+from warpmis.film.metrics import LUMINANCE, squared_scale, without_outliers
 from warpmis.kernels import roulette
-from warpmis.metrics import LUMINANCE, squared_scale, without_outliers
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from peer.mitsuba_scene import to_mitsuba

@@ -23,10 +23,10 @@ import numpy as np
 import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.upload import upload
-from warpmis.features import detect
-from warpmis.integrator import Integrator, allocation_of
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.learn.schedule import Round
+from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.scene.features import detect
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")

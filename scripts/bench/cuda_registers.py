@@ -23,9 +23,9 @@ from recorded_rays import bare_queries
 
 import warpmis
 from warpmis.config import RenderConfig
-from warpmis.features import Features
 from warpmis.kernels.trace import make_trace
-from warpmis.rendering import features_of
+from warpmis.rendering.render import features_of
+from warpmis.scene.features import Features
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 WITH_PAYLOAD = 4

@@ -34,11 +34,11 @@ import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import load_kernels
 from warpmis.device.upload import upload
-from warpmis.features import Features
-from warpmis.integrator import Integrator, allocation_of
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.schedule import Round
-from warpmis.rendering import features_of
+from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.rendering.render import features_of
+from warpmis.scene.features import Features
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SPP = 8

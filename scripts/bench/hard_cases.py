@@ -32,9 +32,9 @@ from scipy import stats
 
 import warpmis
 from warpmis.config import DEFAULT_STRATEGIES
-from warpmis.features import Features
-from warpmis.metrics import squared_error, squared_scale
-from warpmis.stopping import FLOAT32_FLOOR
+from warpmis.film.metrics import squared_error, squared_scale
+from warpmis.rendering.stopping import FLOAT32_FLOOR
+from warpmis.scene.features import Features
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from hard.case import HardCase

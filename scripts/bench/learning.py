@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
-from warpmis.metrics import squared_scale
+from warpmis.film.metrics import squared_scale
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 ROUNDS = (1, 2, 3, 4, 8)

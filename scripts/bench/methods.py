@@ -28,8 +28,8 @@ from typing import Any
 
 import warpmis
 from warpmis.config import STRATEGIES
+from warpmis.film.metrics import estimated_relative_error, relative_mse
 from warpmis.methods import METHODS
-from warpmis.metrics import estimated_relative_error, relative_mse
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")

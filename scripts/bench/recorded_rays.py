@@ -14,13 +14,13 @@ import warpmis.kernels.path as path_module
 from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.device.views import CameraView, SceneView
-from warpmis.features import Features, detect
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.path import make_path
 from warpmis.scene import Scene
+from warpmis.scene.features import Features, detect
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from methods import CpuClock, lower_quartile
 
 import warpmis
 from warpmis.config import SAMPLERS
-from warpmis.metrics import estimated_relative_error, relative_mse
+from warpmis.film.metrics import estimated_relative_error, relative_mse
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "veach_plates")

@@ -21,9 +21,9 @@ from typing import Any
 import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.upload import upload
-from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import Round
-from warpmis.rendering import features_of
+from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.rendering.render import features_of
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SAMPLES = (16, 64, 256, 1024)

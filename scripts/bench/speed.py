@@ -36,9 +36,9 @@ from recorded_rays import bare_queries, record_rays, warp_mesh_of
 import warpmis
 from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
 from warpmis.device.upload import upload
-from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import Round, schedule
-from warpmis.rendering import features_of
+from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.rendering.render import features_of
 from warpmis.scene import DomeLight
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"

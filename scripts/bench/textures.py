@@ -16,9 +16,9 @@ import time
 import numpy as np
 
 from warpmis import Progress, render
-from warpmis.geometry import Geometry
 from warpmis.scene import Camera, DomeLight, Material, Prim, RectLight, Scene
-from warpmis.texture import Texture, TextureLookup
+from warpmis.scene.geometry import Geometry
+from warpmis.scene.texture import Texture, TextureLookup
 
 SPP = 64
 

@@ -18,9 +18,9 @@ from recorded_rays import warp_mesh_of
 import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.upload import upload
-from warpmis.integrator import Integrator, allocation_of
 from warpmis.learn.schedule import Round
-from warpmis.rendering import features_of
+from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.rendering.render import features_of
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")

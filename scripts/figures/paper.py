@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
-from warpmis.metrics import squared_scale, without_outliers
+from warpmis.film.metrics import squared_scale, without_outliers
 from warpmis.output.balance_map import balance_map
 from warpmis.output.png import write_display_png
 from warpmis.output.report.pixels import exposure_for, ratio_map

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd
+from usd.lights.test_ies import profile
 from usd.pictures import write
-from usd.test_ies import profile
 
 import warpmis
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from warpmis.config import RenderConfig
 from warpmis.methods import METHODS
-from warpmis.progress import Progress
-from warpmis.result import RenderResult
+from warpmis.rendering.progress import Progress
+from warpmis.rendering.result import RenderResult
 
 WIDTH, HEIGHT = 48, 32
 SCENE: Any = SimpleNamespace(resolution=(WIDTH, HEIGHT), camera=SimpleNamespace(path="/World/Cam"))

@@ -9,9 +9,9 @@ import stats
 from hard.case import HardCase
 
 import warpmis
-from warpmis.features import Features
-from warpmis.result import RenderResult
+from warpmis.rendering.result import RenderResult
 from warpmis.scene import Scene
+from warpmis.scene.features import Features
 
 SIGNIFICANCE = 1e-4  # of one test; there are some hundred, with fixed seeds
 # Rays start off a surface by 5e-7 of its size, and radiance is float32: a mean of equal samples is off by that much.

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
-from warpmis.features import Features
-from warpmis.geometry import Geometry, Prototype
-from warpmis.kernels.frame import frame_from_normal, to_world
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.shading_frame import frame_from_normal, to_world
+from warpmis.scene.features import Features
+from warpmis.scene.geometry import Geometry, Prototype
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 

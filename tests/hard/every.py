@@ -10,7 +10,7 @@ from pathlib import Path
 from hard.case import HardCase
 
 import warpmis
-from warpmis.features import Features, detect
+from warpmis.scene.features import Features, detect
 
 
 def cases() -> list[HardCase]:

@@ -12,8 +12,8 @@ from hard.geometry_cases import GEOMETRY_CASES
 from hard.room import room
 
 import warpmis
-from warpmis.features import Features
-from warpmis.result import RenderResult
+from warpmis.rendering.result import RenderResult
+from warpmis.scene.features import Features
 
 # One kernel a method for all cases, and for the room.
 SHAPES = Features(

@@ -23,7 +23,7 @@ from usd.stages import stage_of
 import warpmis
 from warpmis.config import DEFAULT_STRATEGIES
 from warpmis.errors import ConfigError
-from warpmis.features import Features
+from warpmis.scene.features import Features
 
 CASES = {case.name: case for case in LEARNING_CASES}
 

@@ -9,7 +9,7 @@ from hard.light_cases import LIGHT_CASES
 from hard.parts import UP, camera, floor, light, stage
 
 import warpmis
-from warpmis.features import Features
+from warpmis.scene.features import Features
 
 # One kernel a method for all cases.
 LIGHTS = Features(

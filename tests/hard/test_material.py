@@ -7,7 +7,7 @@ import pytest
 from hard.checks import check_mean, check_same, luminance, render, standard_error
 from hard.material_cases import MATERIAL_CASES
 
-from warpmis.features import Features
+from warpmis.scene.features import Features
 
 # One kernel a method for all cases.
 SURFACES = Features(

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from toys import Toy, filled, solve, sums
 from unit.learn.test_candidates import MIXTURE, choose, known_of
 
-from warpmis.features import Features
-from warpmis.film import Film
+from warpmis.film.film import Film
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.moments import CANDIDATES, Layout
 from warpmis.kernels.strategies import make_strategies
@@ -25,6 +24,7 @@ from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
+from warpmis.scene.features import Features
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from scipy import stats
 from stats import POWER
 
 import warpmis
-from warpmis.rendering import Uploads
+from warpmis.rendering.render import Uploads
 
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace", "hidden_light")
 # Where single paths decide, more pictures tell more than more samples do: with them the t-distribution's tails, which

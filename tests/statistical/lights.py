@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from warpmis.device.upload import DeviceScene
 from warpmis.device.views import SceneView
-from warpmis.features import Features
 from warpmis.kernels import rng
 from warpmis.kernels.light.choice import light_importance
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
@@ -30,6 +29,7 @@ from warpmis.scene import (
     Scene,
     SphereLight,
 )
+from warpmis.scene.features import Features
 
 COUNT = 1 << 19
 PILOT = 1 << 15

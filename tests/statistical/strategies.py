@@ -17,14 +17,14 @@ from statistical.lights import RECEIVER, TURN, WHITE, distant, dome, make_scene,
 from warpmis.config import STRATEGIES
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
-from warpmis.features import Features
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import make_surface
-from warpmis.kernels.frame import frame_from_normal, to_local
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.table import make_lights
+from warpmis.kernels.shading_frame import frame_from_normal, to_local
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene import Material, Scene
+from warpmis.scene.features import Features
 
 EVERY = Features.all(STRATEGIES)
 surface = make_surface(EVERY)

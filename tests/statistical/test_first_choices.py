@@ -12,14 +12,14 @@ import scenes
 import warp as wp
 
 import warpmis
-from warpmis.features import Features
-from warpmis.generating_vector import lattice_steps
 from warpmis.kernels.bsdf.surface import Surface, make_surface
 from warpmis.kernels.lattice import choice
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.rng import RngKey, vec_lattice
 from warpmis.kernels.strategies import make_strategies
+from warpmis.rendering.generating_vector import lattice_steps
 from warpmis.scene import DistantLight, DomeLight, Light, Material, Scene
+from warpmis.scene.features import Features
 
 features = Features.all().with_strategies(("bsdf", "light", "cosine"))
 surface = make_surface(features)

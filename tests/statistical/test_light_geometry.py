@@ -11,9 +11,9 @@ from statistical.light_cases import CASES, SINGLE, device_scene, sampled
 from statistical.lights import COUNT, LOOK, RECEIVER, SAMPLE, SAMPLE_FIRST, TURN, make_scene, rect, run
 
 from warpmis.device.upload import upload
-from warpmis.features import detect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.scene import CylinderLight, DiskLight, RectLight, SphereLight
+from warpmis.scene.features import detect
 
 
 @pytest.mark.parametrize("name", [name for name in SINGLE if not name.startswith(("dome", "sun", "distant"))])

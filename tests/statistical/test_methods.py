@@ -8,12 +8,12 @@ import scenes
 from scipy import stats as distributions
 
 import warpmis
-from warpmis import integrator
 from warpmis.config import STRATEGIES
-from warpmis.device.film import download_film
+from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
-from warpmis.features import detect
 from warpmis.learn.schedule import Round
+from warpmis.rendering import integrator
+from warpmis.scene.features import detect
 
 DEPTH = 4
 

@@ -10,12 +10,12 @@ import scenes
 from stats import detectable_bias, sidak, welch_test
 
 import warpmis
-from warpmis.device.film import download_film
+from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
-from warpmis.features import detect
-from warpmis.integrator import Integrator, allocation_of
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST
 from warpmis.learn.schedule import Round
+from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.scene.features import detect
 
 PIXELS = 12
 SPP = 768

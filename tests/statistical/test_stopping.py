@@ -12,7 +12,7 @@ from scipy import stats
 from statistical.estimates import load
 
 import warpmis
-from warpmis.metrics import relative_mse, squared_error, squared_scale, without_outliers
+from warpmis.film.metrics import relative_mse, squared_error, squared_scale, without_outliers
 
 SEEDS = 40
 SIGNIFICANCE = 0.01

@@ -25,13 +25,13 @@ from stats import (
 
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
-from warpmis.features import SMOOTH_ALPHA, Features, is_smooth
-from warpmis.geometry import Geometry
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.intersect import make_intersect
 from warpmis.scene import Camera, Material, Prim, Scene
+from warpmis.scene.features import SMOOTH_ALPHA, Features, is_smooth
+from warpmis.scene.geometry import Geometry
 
 COUNT = 1 << 19
 PILOT = 1 << 15

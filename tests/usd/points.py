@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from warpmis.device.upload import upload
 from warpmis.device.views import MaterialView, SceneView
-from warpmis.features import Features
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.material import make_material
 from warpmis.scene import Scene
+from warpmis.scene.features import Features
 
 materials = make_material(Features.all())
 intersect = make_intersect(Features.all())

@@ -6,8 +6,8 @@ import pytest
 from pxr import Sdf, Usd
 from usd.stages import SQUARE, stage_of
 
-from warpmis import rendering
 from warpmis.errors import StageError
+from warpmis.rendering import render as rendering
 from warpmis.usd import load_stage
 
 CAR = """

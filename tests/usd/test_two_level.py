@@ -13,9 +13,9 @@ from usd.stages import load, mentions
 
 import warpmis.usd.placing as placing
 from warpmis import render
-from warpmis.features import detect
-from warpmis.geometry import bounds
 from warpmis.scene import Scene
+from warpmis.scene.features import detect
+from warpmis.scene.geometry import bounds
 
 EVERY_PLACE = """int[] protoIndices = [0, 1, 0, 1, 0, 1]
     point3f[] positions = [(-2, 0, 0), (0, 0, 0), (2, 0, 0), (-2, 2, 0), (0, 2, -1), (2, 2, 0)]

@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from warpmis.progress import Progress
+    from warpmis.rendering.progress import Progress
 
 
 # Stands for the path of a light or camera that the stage has not.

@@ -9,7 +9,7 @@ import warpmis
 from warpmis.cli.console import SUPPLIED, byte_text, say
 
 if TYPE_CHECKING:
-    from warpmis.result import RenderResult
+    from warpmis.rendering.result import RenderResult
 
 
 def explain(result: RenderResult, stage: str, options: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from warpmis.cli.frames import PLACEHOLDER, numbered
+from warpmis.cli.frame_ranges import PLACEHOLDER, numbered
 from warpmis.errors import ConfigError
 
 

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 import warpmis
 from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text, start_warp
 from warpmis.cli.explain import explain
-from warpmis.cli.frames import frame_list
+from warpmis.cli.frame_ranges import frame_list
 from warpmis.cli.jobs import Job, jobs_of
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 from warpmis.output.balance_map import primaries
-from warpmis.result import IDS, RenderResult
+from warpmis.rendering.result import IDS, RenderResult
 
 if TYPE_CHECKING:
-    from warpmis.features import Features
-    from warpmis.rendering import Uploads
+    from warpmis.rendering.render import Uploads
+    from warpmis.scene.features import Features
 
 PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
@@ -150,7 +150,7 @@ def kernel_options(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def forced_features(arguments: argparse.Namespace) -> Features | None:
-    from warpmis.features import Features
+    from warpmis.scene.features import Features
 
     return Features.all() if arguments.features == "all" else None
 
@@ -295,7 +295,7 @@ def run(arguments: argparse.Namespace) -> None:
         primaries(config.strategies)  # said now, not after the render
     jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
-    from warpmis.rendering import Uploads  # here, for it loads Warp
+    from warpmis.rendering.render import Uploads  # here, for it loads Warp
 
     uploads = Uploads() if len(jobs) > 1 else None
     said: set[str] = set()

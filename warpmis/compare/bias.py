@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warpmis.compare.measure import Pictures
 from warpmis.compare.reference import Reference
-from warpmis.metrics import LUMINANCE, squared_scale
+from warpmis.film.metrics import LUMINANCE, squared_scale
 
 # So many of its own standard errors must a bias be away from 0 to count as one.
 SIGNIFICANT = 4.0

@@ -15,8 +15,8 @@ from warpmis.compare.plan import REFERENCE_FACTOR, affordable_spp, ladder
 from warpmis.compare.reference import PARTS, Reference, merged_reference, read_reference, tracing_seconds
 from warpmis.compare.variants import Variant
 from warpmis.errors import ConfigError
-from warpmis.metrics import mean_squared_error, relative_mse, squared_error, squared_scale
-from warpmis.progress import Progress
+from warpmis.film.metrics import mean_squared_error, relative_mse, squared_error, squared_scale
+from warpmis.rendering.progress import Progress
 
 ProgressCallback = Callable[[Progress], None]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import warpmis
 from warpmis.errors import WarpmisError
-from warpmis.metrics import LUMINANCE, estimated_relative_error, squared_error, squared_scale
+from warpmis.film.metrics import LUMINANCE, estimated_relative_error, squared_error, squared_scale
 from warpmis.output.exr import read_exr
 
 # A reference is rendered in so many independent parts: their scatter tells its noise.

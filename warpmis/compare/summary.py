@@ -16,7 +16,7 @@ from warpmis.compare.bias import bias_of
 from warpmis.compare.measure import Experiment, Measurement, Pictures, Run
 from warpmis.compare.prediction import Curve, slope, time_to
 from warpmis.compare.reference import Reference
-from warpmis.metrics import OUTLIERS, without_outliers
+from warpmis.film.metrics import OUTLIERS, without_outliers
 
 # Relative errors that the time to is told of.
 TARGETS = (0.1, 0.05, 0.02, 0.01, 0.005)

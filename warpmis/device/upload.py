@@ -11,14 +11,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpmis.device.controls import control_view
 from warpmis.device.environment import distribution
 from warpmis.device.instances import largest_shrinking, upload_instances
-from warpmis.device.lights import LightTables, light_tables
-from warpmis.device.materials import MaterialTables, material_tables, texels_of, upload_materials
+from warpmis.device.light import LightTables, light_tables
+from warpmis.device.light_control import control_view
+from warpmis.device.material import MaterialTables, material_tables, texels_of, upload_materials
 from warpmis.device.mesh import front_normals, padded_boxes
 from warpmis.device.order import first_use_order, morton_order
-from warpmis.device.records import records
+from warpmis.device.struct_arrays import records
 from warpmis.device.trees import upload_trees
 from warpmis.device.views import (
     DISTANT,
@@ -33,8 +33,8 @@ from warpmis.device.views import (
     VaryingView,
 )
 from warpmis.errors import ConfigError
-from warpmis.geometry import Geometry, bounds, joined
 from warpmis.scene import Camera, Scene
+from warpmis.scene.geometry import Geometry, bounds, joined
 
 
 @dataclass(frozen=True, eq=False)

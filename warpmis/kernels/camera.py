@@ -3,11 +3,11 @@
 import warp as wp
 
 from warpmis.device.views import CameraView
-from warpmis.features import Features
 from warpmis.kernels import rng
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.warps import square_to_disk
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

@@ -5,15 +5,15 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import DELTA_DISTANT, MaterialView, SceneView
-from warpmis.features import Features
 from warpmis.kernels.bsdf.surface import Surface
-from warpmis.kernels.frame import Frame, luminance, to_local
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.mesh import pdf_mesh
+from warpmis.kernels.light.mesh_light import pdf_mesh
 from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.light.table import SHADOW_END
 from warpmis.kernels.mis import balance_weight
+from warpmis.kernels.shading_frame import Frame, luminance, to_local
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

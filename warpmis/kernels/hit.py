@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
-from warpmis.features import Features
-from warpmis.kernels.frame import max_abs
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.shading_frame import max_abs
 from warpmis.kernels.wide_tree import Nearest, is_met_in_tree, nearest_in_tree
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

@@ -7,11 +7,11 @@ from zlib import crc32
 import warp as wp
 
 from warpmis.device.views import CameraView, SceneView
-from warpmis.features import Features
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.intersect import MAX_PASSED, make_intersect
 from warpmis.kernels.material import make_material
+from warpmis.scene.features import Features
 
 
 @cache

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import InstanceView, SceneView
-from warpmis.kernels.frame import max_abs
 from warpmis.kernels.hit import OFFSET, Hit, facing, inner_point, inset_of
+from warpmis.kernels.shading_frame import max_abs
 
 wp.set_module_options({"enable_backward": False})
 

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import MaterialView, SceneView
-from warpmis.features import Features
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
-from warpmis.kernels.frame import Frame, frame_from_normal, luminance, to_local
 from warpmis.kernels.hit import Hit, make_hit
 from warpmis.kernels.instances import make_instances, normal_to_world
 from warpmis.kernels.material import make_material
+from warpmis.kernels.shading_frame import Frame, frame_from_normal, luminance, to_local
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

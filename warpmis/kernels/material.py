@@ -19,9 +19,9 @@ from warpmis.device.views import (
     SceneView,
     VaryingView,
 )
-from warpmis.features import Features
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.texture import Footprint, coordinates, corner_coordinates, footprint, picture_value, primvar_value
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

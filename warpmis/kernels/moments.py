@@ -40,8 +40,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.kernels.frame import luminance
 from warpmis.kernels.roulette import late_response
+from warpmis.kernels.shading_frame import luminance
 
 wp.set_module_options({"enable_backward": False})
 

@@ -10,19 +10,19 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
-from warpmis.features import Features
 from warpmis.kernels import rng, roulette
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import Surface, make_surface
 from warpmis.kernels.direct_light import make_direct_light
-from warpmis.kernels.frame import luminance, to_local, to_world
 from warpmis.kernels.intersect import MAX_PASSED, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
 from warpmis.kernels.sampler import make_sampler
+from warpmis.kernels.shading_frame import luminance, to_local, to_world
 from warpmis.kernels.strategies import make_strategies
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

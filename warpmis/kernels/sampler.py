@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from warpmis.features import Features
 from warpmis.kernels import lattice, rng
+from warpmis.scene.features import Features
 
 
 def make_sampler(features: Features) -> SimpleNamespace:

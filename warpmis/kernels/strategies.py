@@ -14,12 +14,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
-from warpmis.features import Features
 from warpmis.kernels.bsdf.surface import Scattering, Surface
-from warpmis.kernels.frame import Frame, to_world
 from warpmis.kernels.light.records import LightSample, Receiver
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
+from warpmis.kernels.shading_frame import Frame, to_world
 from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere, square_to_uniform_hemisphere
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

@@ -6,13 +6,13 @@ from zlib import crc32
 import warp as wp
 
 from warpmis.device.views import CameraView, FilmView, SceneView
-from warpmis.features import Features
 from warpmis.kernels import lattice, rng
 from warpmis.kernels.camera import make_camera
-from warpmis.kernels.frame import luminance
 from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
 from warpmis.kernels.path import make_path
 from warpmis.kernels.sampler import make_sampler
+from warpmis.kernels.shading_frame import luminance
+from warpmis.scene.features import Features
 
 
 @wp.func

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import UsdGeom
 
-from warpmis.usd.geometry import FloatArray, IntArray
 from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.surfaces import FloatArray, IntArray
 
 
 class Authored(NamedTuple):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom, UsdUtils
 
 from warpmis.errors import ConfigError, StageError
-from warpmis.geometry import Bounds, Geometry, Prototype, bounds
 from warpmis.scene import Camera, CylinderLight, DiskLight, Light, RectLight, SphereLight
+from warpmis.scene.geometry import Bounds, Geometry, Prototype, bounds
 from warpmis.usd.clipping import clipping_planes
 from warpmis.usd.reading import PxrError, Reading, one_line
 from warpmis.usd.settings import WHOLE, Settings

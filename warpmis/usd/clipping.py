@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom
 
-from warpmis.geometry import Bounds, Geometry
 from warpmis.scene import Camera
+from warpmis.scene.geometry import Bounds, Geometry
 from warpmis.usd.reading import Reading
 
 

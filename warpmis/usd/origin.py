@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.usd.geometry import Surface
+from warpmis.usd.shapes.surfaces import Surface
 
 FloatArray = NDArray[np.float64]
 Bounds = tuple[FloatArray, FloatArray]

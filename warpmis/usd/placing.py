@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.errors import StageError
-from warpmis.geometry import Geometry, Prototype, joined
 from warpmis.scene import Material, Prim
-from warpmis.usd.geometry import FloatArray, IntArray, Shading, Surface, cofactors, placed
+from warpmis.scene.geometry import Geometry, Prototype, joined
 from warpmis.usd.reading import MAX_COORDINATE, Reading
+from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Shading, Surface, cofactors, placed
 
 # Geometry indexes with int32.
 MAX_ROWS = 2**31 - 1

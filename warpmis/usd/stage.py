@@ -15,19 +15,14 @@ from pxr import Usd, UsdGeom, UsdLux
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import light_boxes, read_camera
-from warpmis.usd.curves import read_curves
-from warpmis.usd.geometry import Shading, Surface
 from warpmis.usd.instances import Placement, placements
-from warpmis.usd.light import EmissiveSurface, is_light, read_light
-from warpmis.usd.light_linking import linked_lights, linked_prims
-from warpmis.usd.material import MaterialReader
-from warpmis.usd.mesh import read_mesh
-from warpmis.usd.mesh_light import read_mesh_light
+from warpmis.usd.lights.light import EmissiveSurface, is_light, read_light
+from warpmis.usd.lights.light_linking import linked_lights, linked_prims
+from warpmis.usd.lights.mesh_light import read_mesh_light
+from warpmis.usd.materials.material import MaterialReader
 from warpmis.usd.opening import open_stage
 from warpmis.usd.origin import Bounds, moved, placed_box, scene_origin
 from warpmis.usd.placing import GeometryBuilder
-from warpmis.usd.points import read_points
-from warpmis.usd.primitives import is_primitive, read_primitive
 from warpmis.usd.reading import (
     PxrError,
     Reading,
@@ -37,7 +32,12 @@ from warpmis.usd.reading import (
     unrepeated,
 )
 from warpmis.usd.settings import PURPOSES, Settings, read_settings
-from warpmis.usd.skinning import bake_skinning, has_skeletons
+from warpmis.usd.shapes.curves import read_curves
+from warpmis.usd.shapes.mesh import read_mesh
+from warpmis.usd.shapes.points import read_points
+from warpmis.usd.shapes.primitives import is_primitive, read_primitive
+from warpmis.usd.shapes.skinning import bake_skinning, has_skeletons
+from warpmis.usd.shapes.surfaces import Shading, Surface
 
 # usdrecord's names, and how many times each refines a subdivision surface.
 COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}

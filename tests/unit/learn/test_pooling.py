@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpmis.device.film import allocate_film
+from warpmis.device.film_buffers import allocate_film
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
 from warpmis.learn import neighbours

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import MaterialView
-from warpmis.features import Features
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
 from warpmis.kernels.bsdf.surface import SMOOTH_ALPHA
-from warpmis.kernels.frame import luminance
+from warpmis.kernels.shading_frame import luminance
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

@@ -14,7 +14,6 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import MaterialView
-from warpmis.features import Features
 from warpmis.kernels.bsdf.microfacet import (
     pdf_reflected,
     sample_visible_normal,
@@ -22,9 +21,10 @@ from warpmis.kernels.bsdf.microfacet import (
     schlick_scalar,
     smith_g1,
 )
-from warpmis.kernels.frame import luminance
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
+from warpmis.kernels.shading_frame import luminance
 from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

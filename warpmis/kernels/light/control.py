@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import ControlView, LightView, SceneView
-from warpmis.features import Features
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.area import plane_hit
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.warps import PI
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

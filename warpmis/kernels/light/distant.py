@@ -3,8 +3,8 @@
 import warp as wp
 
 from warpmis.device.views import LightView
-from warpmis.kernels.frame import frame_from_normal, to_world
 from warpmis.kernels.light.records import LightHit, LightSample
+from warpmis.kernels.shading_frame import frame_from_normal, to_world
 from warpmis.kernels.warps import PI, square_to_uniform_cone
 
 wp.set_module_options({"enable_backward": False})

@@ -3,10 +3,10 @@
 import warp as wp
 
 from warpmis.device.views import DomeView
-from warpmis.kernels.frame import frame_from_normal, to_world
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.records import LightSample
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
+from warpmis.kernels.shading_frame import frame_from_normal, to_world
 from warpmis.kernels.warps import INV_PI, PI, square_to_uniform_hemisphere
 
 wp.set_module_options({"enable_backward": False})

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import CYLINDER, DISK, DISTANT, DOME, MESH, RECT, SPHERE, LightView, SceneView
-from warpmis.features import Features
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.choice import light_importance
 from warpmis.kernels.light.control import make_control
@@ -20,12 +19,13 @@ from warpmis.kernels.light.dome import (
     sample_dome_constant,
     sample_dome_picture,
 )
-from warpmis.kernels.light.mesh import hit_emitter_triangle, make_mesh
+from warpmis.kernels.light.mesh_light import hit_emitter_triangle, make_mesh
 from warpmis.kernels.light.records import LightChoice, LightHit, LightSample, Receiver
 from warpmis.kernels.light.rect import hit_rect, sample_rect
 from warpmis.kernels.light.sphere import hit_sphere, sample_sphere
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 

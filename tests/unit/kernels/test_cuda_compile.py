@@ -1,0 +1,54 @@
+"""Every kernel compiles for CUDA: shown without a GPU or driver, by ahead-of-time compilation to PTX."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
+from warpmis.kernels.identify import make_identify
+from warpmis.kernels.moments import Layout
+from warpmis.kernels.trace import make_trace
+from warpmis.learn.candidates import make_candidates
+from warpmis.learn.expectation import make_expectation
+from warpmis.learn.newton_seed import make_newton_seed
+from warpmis.learn.newton_share import make_newton_share
+from warpmis.learn.newton_simplex import make_newton_simplex
+from warpmis.learn.pooling import make_pool, make_relative, make_row_sums
+from warpmis.learn.whole_samples import make_whole_samples
+from warpmis.methods import METHODS
+from warpmis.scene.features import Features
+
+HOPPER = 90
+EVERY = Features.all().with_tree("warp")
+AUTO = Layout(2, METHODS["auto"].statistics)
+KERNELS = {
+    "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
+    "trace, every effect, next-event estimation": lambda: make_trace(EVERY),
+    "trace, no effect": lambda: make_trace(Features().with_tree("warp")),
+    "trace, auto": lambda: make_trace(EVERY.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "identify, every effect": lambda: make_identify(EVERY),
+    "newton_share": lambda: make_newton_share(Layout(2)),
+    "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
+    "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, METHODS["cost-aware"].statistics)),
+    "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
+    "candidates, pairs": lambda: make_candidates(AUTO, stratified=True),
+    "relative": lambda: make_relative(AUTO),
+    "row sums": lambda: make_row_sums(AUTO),
+    "pool": lambda: make_pool(AUTO),
+    "whole samples, eight strategies": lambda: make_whole_samples(8),
+}
+# What "every effect, mixture" has as well, and takes as long.
+LONG = {"trace, every effect, next-event estimation"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in KERNELS])
+def test_compiles_for_cuda(name: str, tmp_path: Path) -> None:
+    kernel = KERNELS[name]()
+    wp.compile_aot_module(kernel.module, arch=[HOPPER], module_dir=tmp_path, use_ptx=True)
+    (ptx,) = tmp_path.glob("*.ptx")
+    code = ptx.read_text()
+    assert f".target sm_{HOPPER}" in code
+    assert f".entry {kernel.key}" in code

@@ -1,0 +1,27 @@
+"""What each method adds up beside the moments compiles for CUDA, in the trace kernel of no scene's effects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
+from warpmis.kernels.trace import make_trace
+from warpmis.methods import METHODS
+from warpmis.scene.features import Features
+
+HOPPER = 90
+# The first method of each, for all strategies where it takes them.
+BY_STATISTICS = {method.statistics: name for name, method in reversed(METHODS.items())}
+
+
+@pytest.mark.parametrize("name", BY_STATISTICS.values())
+def test_statistics_of_a_method_compile_for_cuda(name: str, tmp_path: Path) -> None:
+    method = METHODS[name]
+    strategies = DEFAULT_STRATEGIES if method.two_strategies else STRATEGIES
+    kernel = make_trace(Features(tree="warp").with_strategies(strategies, method.statistics))
+    wp.compile_aot_module(kernel.module, arch=[HOPPER], module_dir=tmp_path, use_ptx=True)
+    (ptx,) = tmp_path.glob("*.ptx")
+    assert f".entry {kernel.key}" in ptx.read_text()

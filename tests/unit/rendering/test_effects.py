@@ -1,0 +1,171 @@
+"""What a scene does not call for is absent from its kernel, and the kernel with everything traces the same paths."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+from hard.checks import scene_of
+
+import warpmis
+from warpmis.config import RenderConfig
+from warpmis.device.compilation import cache_folder, load_kernels
+from warpmis.kernels.trace import make_trace
+from warpmis.rendering.render import features_of
+from warpmis.scene import DomeLight, Material
+from warpmis.scene.features import Features, detect
+
+BALANCE = RenderConfig(method="balance")
+
+# Functions that the effect alone calls, by their names in the generated source.
+FUNCTIONS = {
+    "disk_light": ("sample_disk", "hit_disk"),
+    "sphere_light": ("sample_sphere", "hit_sphere"),
+    "cylinder_light": ("sample_cylinder", "hit_cylinder"),
+    "distant_light": ("sample_distant", "hit_distant"),
+    "dome_constant": ("sample_dome_constant", "pdf_dome_constant"),
+    "dome_picture": ("sample_dome_picture", "dome_radiance"),
+    "mesh_light": ("make_mesh__locals__sample", "make_lights__locals__pdf_emitter_triangles"),
+    "delta_light": ("make_direct_light__locals__from_delta_light",),
+    "shaping": ("shaping_factor",),
+    "ies": ("ies_factor",),
+    "light_pictures": ("picture_factor",),
+    "light_response": ("make_control__locals__response",),
+    "light_links": ("make_control__locals__factor",),
+    "shadow_links": ("make_intersect__locals__has_own_shadows",),
+    "clearcoat": ("make_surface__locals__coat_transmittance",),
+    "smooth": ("make_events__locals__choose",),
+    "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
+    "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__passed"),
+    "textures": ("picture_value", "footprint", "filtered"),
+    "normal_maps": ("make_intersect__locals__mapped_normal",),
+    "clipping": ("clipped",),
+}
+
+
+def source_of(features: Features) -> str:
+    """The trace kernel's source as generated."""
+    kernel = make_trace(features)
+    load_kernels([kernel], "cpu")
+    (source,) = cache_folder(kernel.module, is_cpu=True).glob("*.cpp")
+    return source.read_text()
+
+
+def functions_in(source: str) -> set[str]:
+    """Names of the device functions, as far as they have a body."""
+    return set(re.findall(r"^static [^\n(]*?(\w+)_\d+\($", source, re.MULTILINE))
+
+
+def draws_in(source: str) -> int:
+    """Places where a step of a path draws random numbers; one more is the sampler's own, for later steps."""
+    return len(re.findall(r"= (?:uniform4|point4)_of_step_\d+\(", source)) - 1
+
+
+@pytest.fixture(scope="module")
+def universal() -> str:
+    return source_of(features_of(scenes.room(), BALANCE, Features.all()))
+
+
+@pytest.fixture(scope="module")
+def special() -> str:
+    return source_of(features_of(scenes.room(), BALANCE))
+
+
+@pytest.mark.parametrize("effect", FUNCTIONS)
+def test_an_absent_effect_is_absent_from_the_source(effect: str, special: str, universal: str) -> None:
+    assert not getattr(detect(scenes.room()), effect)
+    assert set(FUNCTIONS[effect]) <= functions_in(universal)
+    assert not set(FUNCTIONS[effect]) & functions_in(special)
+
+
+def test_paths_of_one_bounce_take_no_light_samples_beside_the_mixture(special: str) -> None:
+    """Direct light alone, and the mixture's vertex is the only one."""
+    assert "make_direct_light__locals__from_light_sample" in functions_in(special)
+    short = features_of(scenes.room(), replace(BALANCE, max_depth=1))
+    assert not short.indirect
+    assert "make_direct_light__locals__from_light_sample" not in functions_in(source_of(short))
+
+
+def test_random_numbers_of_absent_effects_are_not_drawn(special: str, universal: str) -> None:
+    """Of a light, a direction, roulette; of delta lights and events as well; without indirect light not of roulette."""
+    assert draws_in(special) == 3
+    assert draws_in(universal) == 5
+    assert draws_in(source_of(features_of(scenes.room(), replace(BALANCE, max_depth=1)))) == 2
+
+
+def test_indirect_light_needs_a_surface_that_reflects_and_two_bounces() -> None:
+    black = Material(path="/black", diffuse_color=(0.0, 0.0, 0.0), lambertian=True)
+    assert detect(scenes.room()).indirect
+    assert not detect(replace(scenes.room(), materials=(black,) * 3)).indirect
+    assert detect(replace(scenes.room(), materials=(black, black, scenes.METAL))).indirect
+    assert [features_of(scenes.room(), replace(BALANCE, max_depth=depth)).indirect for depth in (0, 1, 2)] == [
+        False,
+        False,
+        True,
+    ]
+    assert features_of(scenes.room(), replace(BALANCE, max_depth=0), Features.all()).indirect
+
+
+def hard_cases() -> dict[str, Any]:
+    """The stages of tests/hard, by name."""
+    tests = Path(__file__).parents[2]
+    modules = [importlib.import_module(f"hard.{path.stem}") for path in sorted((tests / "hard").glob("*_cases.py"))]
+    return {case.name: case for module in modules for case in getattr(module, module.__name__[5:].upper())}
+
+
+HARD_CASES = hard_cases()
+
+
+def assert_same_paths(scene: warpmis.Scene, **settings: Any) -> None:
+    """All but a thousandth of the pixels to 1e-4, and the mean: compilers may round differently, paths are equal."""
+    settings = {"method": "balance", "spp": 16, "seed": 3, **settings}
+    mine = warpmis.render(scene, **settings).image.astype(float)
+    theirs = warpmis.render(scene, features=Features.all(), **settings).image.astype(float)
+    close = np.isclose(mine, theirs, rtol=1e-4, atol=0.0).all(axis=-1)
+    assert close.mean() >= 0.999
+    assert mine.mean() == pytest.approx(theirs.mean(), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(path.parent.name for path in scenes.USD_SCENES.glob("*/scene.usda")))
+def test_universal_kernel_traces_the_same_paths(name: str) -> None:
+    assert_same_paths(warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=64))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HARD_CASES)
+def test_universal_kernel_traces_the_same_paths_of_hard_cases(name: str) -> None:
+    case = HARD_CASES[name]
+    settings = {key: value for key, value in case.settings.items() if not key.startswith("learn")}  # for `balance`
+    assert_same_paths(scene_of(case), **settings)
+
+
+def test_arrays_of_absent_effects_are_not_uploaded() -> None:
+    plain = warpmis.render(scenes.room(), method="balance", spp=1).stats["bytes"]["scene"]
+    assert set(plain) == {"geometry", "materials", "lights"}
+    sky = DomeLight("/sky", np.eye(3), np.ones(3), np.ones((4, 8, 3), np.float32))
+    open_room = replace(scenes.room(), lights=(sky,))
+    with_dome = warpmis.render(open_room, method="balance", spp=1).stats["bytes"]["scene"]
+    # Picture (12 bytes a texel), rows (4), and within them cumulative shares and density (4 each).
+    assert with_dome["dome"] == 4 * 8 * 12 + 4 * 4 + 2 * 4 * 8 * 4
+    assert set(with_dome) == {*plain, "dome"}
+
+
+def test_what_is_compiled_is_counted_and_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @wp.kernel(module="unique", enable_backward=False)
+    def fill(values: wp.array(dtype=float)):
+        values[wp.tid()] = 47.0
+
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
+    announced: list[int] = []
+    first = load_kernels([fill, fill], "cpu", announced.append)
+    again = load_kernels([fill], "cpu", announced.append)
+    assert (first.compiled, first.cached, again.compiled, again.cached) == (1, 0, 0, 1)
+    assert announced == [1]
+    assert first.seconds > again.seconds > 0.0

@@ -1,0 +1,379 @@
+"""The run on the device: the kernels, the buffers that they fill, and the threads that launch them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpmis.config import RenderConfig
+from warpmis.device.compilation import load_kernels
+from warpmis.device.film_buffers import allocate_film, download_film
+from warpmis.device.footprint import array_bytes, scene_bytes
+from warpmis.device.trees import tree_kernels
+from warpmis.device.upload import DeviceScene, check_device
+from warpmis.device.views import FilmView
+from warpmis.errors import ConfigError
+from warpmis.film.film import Film, spread_out
+from warpmis.film.metrics import squared_scale
+from warpmis.kernels.identify import make_identify
+from warpmis.kernels.rng import vec_lattice
+from warpmis.kernels.trace import make_trace
+from warpmis.learn.certificate import excess_variance_bound
+from warpmis.learn.learner import Learner
+from warpmis.learn.schedule import Round
+from warpmis.rendering.generating_vector import lattice_length, lattice_steps
+from warpmis.scene.features import Features
+
+# What kernels without a mixture take for shares and moments.
+vec1f = wp.types.vector(length=1, dtype=wp.float32)
+vec1d = wp.types.vector(length=1, dtype=wp.float64)
+
+# Pixel samples of one launch: some tens of milliseconds on a CPU thread, so that progress moves and threads share.
+CPU_LAUNCH = 1 << 15
+GPU_LAUNCH = 1 << 24
+# Pixels of one launch of a solver kernel on a CPU thread.
+CPU_SOLVER_LAUNCH = 1 << 13
+# Points of the lattices of a watched render.
+WATCHED_LATTICE = 16
+# Launches of a round shrink towards its end, to as small a part.
+SMALLEST = 16
+
+
+def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
+    """The shares before the first round, shape (H * W, S); all 0 where learning begins with next-event estimation."""
+    count = len(config.strategies)
+    shares: NDArray[np.float32] = np.full(count, 1.0 / count, dtype=np.float32)
+    if config.method == "fixed":
+        assert config.allocation is not None
+        shares = np.asarray(config.allocation, dtype=np.float32)
+        if shares.ndim == 3 and shares.shape[:2] != (height, width):
+            raise ConfigError(
+                f"the allocation map is {shares.shape[1]} x {shares.shape[0]} pixels, the image {width} x {height}; "
+                "make them equal"
+            )
+    elif config.how.next_event:
+        shares = np.zeros(count, dtype=np.float32)
+    elif config.learn.initial_allocation is not None:
+        shares = np.asarray(config.learn.initial_allocation, dtype=np.float32)
+    return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
+
+
+def without_shares(shares: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which pixels go by next-event estimation, of shares of shape (pixels, S)."""
+    left: NDArray[np.bool_] = shares.sum(axis=1) == 0.0
+    return left
+
+
+def available_cpus() -> int:
+    """CPUs that this process may use, where the system tells them from all that there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
+    stratified = config.strategy_choice == "stratified"
+    lattice = config.sampler == "lattice"
+    return Learner(config.how, features.strategies, size, stratified, config.device, config.learn_stride, lattice)
+
+
+def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+    """The kernel that tells ids, where they are asked for: one for all methods and samplers."""
+    return [make_identify(features.with_strategies(()).with_sampler())] if config.ids else []
+
+
+def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+    """All that a run would launch, whatever the size of its picture.
+
+    Raises:
+        ConfigError: the machine lacks the device.
+    """
+    check_device(config.device)
+    kernels = [*learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
+    return [*trace_kernels(features), *kernels, *tree_kernels(config.device)]
+
+
+def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
+    """For rounds that learn; for the others; and in these for pixels that have left the mixture.
+
+    Where learning takes no statistics the second is the first, and where no pixel can leave the third is the second.
+    """
+    shared = features.with_strategies(features.strategies)
+    left = features.with_strategies(()) if "pair" in features.statistics else shared
+    return make_trace(features), make_trace(shared), make_trace(left)
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """The launches of a round that go through one kernel, and where their samples go.
+
+    groups, group: the launches are for the pixels of this group; `groups` is empty where they are for all.
+    """
+
+    kernel: wp.Kernel
+    groups: wp.array
+    group: int
+    allocation: wp.array
+    film: FilmView
+    moments: wp.array
+
+
+class Integrator:
+    """One render in progress on one device."""
+
+    def __init__(
+        self,
+        scene: DeviceScene,
+        features: Features,
+        config: RenderConfig,
+        allocation: NDArray[np.float32],
+    ) -> None:
+        self.scene = scene
+        self.config = config
+        self.width, self.height = scene.camera.width, scene.camera.height
+        self.pixels = self.width * self.height
+        self.count = len(features.strategies)
+        self.start_allocation = allocation
+        kernels = self.learn_kernel, self.kernel, self.left_kernel = trace_kernels(features)
+        self.learner = learner_of(features, config, (self.width, self.height))
+        self.stride = self.learner.stride
+        self.identify = identify_of(features, config)
+        # Here for those who build one alone; a render has compiled all of them before its upload.
+        load_kernels((*kernels, *self.learner.kernels, *self.identify), config.device)
+        self.is_cuda = wp.get_device(config.device).is_cuda
+        self.threads = 1 if self.is_cuda else config.threads or available_cpus()
+        self.pool = ThreadPoolExecutor(self.threads)
+        self._allocate()
+
+    def _allocate(self) -> None:
+        device = self.config.device
+        vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
+        shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
+        self.allocation = wp.array(shares, dtype=vec_s, device=device)
+        # What is learned: of the cells, from their films.
+        self.learned = self.allocation
+        if self.stride > 1:
+            self.learned = wp.array(shares[: self.learner.cells], dtype=vec_s, device=device)
+        self.learn_film = allocate_film(self.learner.cells if self.config.how.learns else 0, device)
+        self.film = allocate_film(self.pixels, device)
+        # For pixels without a mixture: no shares, and no moments.
+        self.nothing = (wp.zeros(1, dtype=vec1f, device=device), wp.zeros(1, dtype=vec1d, device=device))
+
+    def _passes(self, learn: bool) -> list[Pass]:
+        """Those of a round: one, or two where some pixels have left the mixture and others have not."""
+        device = self.config.device
+        everyone = wp.empty(0, dtype=wp.uint8, device=device)
+        if learn:
+            return [Pass(self.learn_kernel, everyone, 0, self.learned, self.learn_film, self.learner.moments)]
+        shared = Pass(self.kernel, everyone, 0, self.allocation, self.film, self.learner.plain_moments)
+        if self.left_kernel is self.kernel:
+            return [shared]
+        left = without_shares(self.allocation.numpy())
+        apart = Pass(self.left_kernel, everyone, 1, self.nothing[0], self.film, self.nothing[1])
+        if left.all() or not left.any():
+            return [apart if left.all() else shared]
+        which = wp.array(left.astype(np.uint8), dtype=wp.uint8, device=device)
+        return [replace(one, groups=which) for one in (shared, apart)]
+
+    def _taken(self, part: Round, samples: range) -> NDArray[np.int64]:
+        """How many of the samples each pixel takes; each cell, where it learns."""
+        if part.learn:
+            return np.full(self.learner.cells, len(samples))
+        taken = np.full((self.height, self.width), len(samples))
+        if part.pilot:
+            taken[:: self.stride, :: self.stride] = len(range(max(samples.start, part.pilot), samples.stop))
+        return taken.reshape(-1)
+
+    def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
+        """Trace one round, or a piece of its samples; the pieces in turn are the round.
+
+        `advance` is told the number of pixel samples of each launch that is done.
+        """
+        samples = piece or range(part.first_sample, part.first_sample + part.samples)
+        if samples.start == part.first_sample:
+            self.learner.begin_round(part.learn)
+        passes, numbers, taken = self._passes(part.learn), self._numbers(part, samples), self._taken(part, samples)
+        lock = threading.Lock()
+
+        def launch(job: tuple[int, int]) -> None:
+            self._launch(passes, numbers, *job)
+            with lock:
+                advance(int(taken[job[0] : sum(job)].sum()))
+
+        self._run(launch, self._jobs(len(taken), len(samples)))
+
+    def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
+        """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
+        if self.threads == 1:
+            for job in jobs:
+                launch(job)
+            return
+        # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
+        pending = {self.pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
+        try:
+            while pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+                pending |= {self.pool.submit(launch, job) for job in islice(jobs, len(done))}
+        finally:
+            # An interrupt's caller reads what the launches write.
+            wait(pending)
+
+    def _jobs(self, pixels: int, samples: int) -> Iterator[tuple[int, int]]:
+        """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread.
+
+        Among several threads fewer pixels towards the end, so that all have done at once.
+
+        Reference: Polychronopoulos, Kuck (1987), "Guided Self-Scheduling".
+        """
+        most = max(1, (GPU_LAUNCH if self.is_cuda else CPU_LAUNCH) // samples)
+        least = most if self.threads == 1 else max(1, most // SMALLEST)
+        first = 0
+        while first < pixels:
+            left = pixels - first
+            count = min(left, most, max(least, left // (2 * self.threads)))
+            yield first, count
+            first += count
+
+    @staticmethod
+    def _stretches(count: int, most: int) -> Iterator[tuple[int, int]]:
+        for first in range(0, count, most):
+            yield first, min(most, count - first)
+
+    def _lattices(self, part: Round, samples: range) -> tuple[int, int]:
+        """The sample at which the first lattice of a piece of a round begins, and the points of each lattice.
+
+        The error of a watched render is told by how far its pieces are apart: each has lattices of its own. They are of
+        one length, so that the error falls as if samples were independent, and its future can be told.
+        """
+        if self.config.stops:
+            return samples.start, min(WATCHED_LATTICE, len(samples))
+        return part.sequence.start, lattice_length(len(part.sequence))
+
+    def _numbers(self, part: Round, samples: range) -> list[Any]:
+        """The trace kernel's arguments from `stride` to `direct_only`: what all launches of a piece have in common."""
+        config = self.config
+        start, length = self._lattices(part, samples)
+        numbers = [self.stride, -1 if part.learn else part.pilot, start, length, vec_lattice(*lattice_steps(length))]
+        numbers += [samples.start, samples.stop, config.seed, config.max_depth]
+        return [*numbers, int(config.strategy_choice == "stratified"), int(part.learn and config.how.direct_only)]
+
+    def _launch(self, passes: list[Pass], numbers: list[Any], first: int, count: int) -> None:
+        for one in passes:
+            inputs = [self.scene.view, self.scene.camera, first, *numbers, one.groups, one.group]
+            inputs += [one.allocation, one.film, one.moments]
+            wp.launch(one.kernel, dim=count, inputs=inputs, device=self.config.device)
+        if self.is_cuda:
+            wp.synchronize_device(self.config.device)
+
+    def ids(self) -> NDArray[np.int32]:
+        """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface.
+
+        Of a render that was asked for them.
+        """
+        (kernel,) = self.identify
+        found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
+
+        def launch(job: tuple[int, int]) -> None:
+            inputs = [self.scene.view, self.scene.camera, job[0], found]
+            wp.launch(kernel, dim=job[1], inputs=inputs, device=self.config.device)
+
+        self._run(launch, self._stretches(self.pixels, GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
+        return found.numpy().reshape(self.height, self.width, 3).copy()
+
+    def solve(self, following: Round | None) -> None:
+        """One step of the method's solver from the moments of the rounds so far, and shares for the round to come."""
+        self.learner.step(self.learned, self.learn_film, self._launch_solver)
+        samples = lattice_length(following.samples) if following else 0
+        self.learner.make_whole(self.learned, samples, self._launch_solver)
+        if self.stride > 1:
+            shares = self._learned_map()
+            # Those of the pilot go on with what they have begun with: their own samples must not decide.
+            shares[:: self.stride, :: self.stride] = 0.0
+            self.allocation.assign(shares.reshape(self.pixels, -1))
+
+    def _learned_map(self) -> NDArray[np.float32]:
+        """What each pixel's cell has learned, shape (H, W, S)."""
+        cells = self.learned.numpy().reshape(self.learner.height, self.learner.width, -1)
+        pixels = cells.repeat(self.stride, axis=0).repeat(self.stride, axis=1)
+        return np.ascontiguousarray(pixels[: self.height, : self.width])
+
+    def _launch_solver(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
+        def launch(job: tuple[int, int]) -> None:
+            wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
+
+        cells = self.learner.cells
+        most = cells if self.is_cuda else CPU_SOLVER_LAUNCH
+        self._run(launch, self._stretches(cells, min(most, -(-cells // self.threads))))
+
+    def download(self) -> tuple[Film, ...]:
+        """The samples of the learn rounds, where there are any, and then all others."""
+        final = download_film(self.film, self.width, self.height)
+        if not self.config.how.learns:
+            return (final,)
+        learned = download_film(self.learn_film, self.learner.width, self.learner.height)
+        return learned.spread_out(self.stride, self.width, self.height), final
+
+    def color_sums(self) -> NDArray[np.float64]:
+        """Sum of all samples' radiance so far, shape (H, W, 3)."""
+        colors = [self.film.color.numpy().reshape(self.height, self.width, 3)]
+        if self.config.how.learns:
+            learned = self.learn_film.color.numpy().reshape(self.learner.height, self.learner.width, 3)
+            colors.append(spread_out(learned, self.stride, self.width, self.height))
+        sums: NDArray[np.float64] = np.sum(colors, axis=0)
+        return sums
+
+    def allocation_map(self) -> NDArray[np.float32]:
+        """The present shares, shape (H, W, S). Next-event estimation gives every strategy its own equal part.
+
+        Of a pilot's pixels, which go on with next-event estimation, those that their neighbours in the cell have.
+        """
+        shares = self._learned_map().reshape(self.pixels, -1) if self.count else self.start_allocation
+        shares = np.where(without_shares(shares)[:, None], np.float32(1.0 / shares.shape[1]), shares)
+        return shares.reshape(self.height, self.width, -1)
+
+    def next_event_share(self) -> float:
+        """Share of the pixels that have left the mixture for next-event estimation."""
+        return float(without_shares(self.allocation.numpy()).mean())
+
+    def certificate(self, variance: NDArray[np.float32], image: NDArray[np.float32]) -> dict[str, float]:
+        """How much of the relative variance other shares could have saved at most, from 0 to 1.
+
+        Of the pixels that share their samples: those that left for next-event estimation are not in it. Empty where
+        there was nothing to share, or no round after the last step to tell.
+        """
+        samples = self.film.accepted.numpy()
+        if self.learner.layout.size == 0 or not samples.any():
+            return {}
+        shares = self.allocation.numpy()
+        shared = ~without_shares(shares).reshape(variance.shape)
+        if not shared.any():
+            return {}
+        excess = excess_variance_bound(self.learner.plain_moments.numpy(), shares, samples)
+        excess = np.minimum(excess.reshape(variance.shape), variance)  # none can save more than there is
+        scale = np.maximum(squared_scale(image), 1e-30)
+        whole = float((variance / scale)[shared].sum())
+        return {"excess_variance_bound": float((excess / scale)[shared].sum()) / max(whole, 1e-30)}
+
+    def rays(self) -> int:
+        """Rays traced so far: of paths, and for their light samples."""
+        return sum(int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum()) for film in self.films)
+
+    @property
+    def films(self) -> tuple[FilmView, ...]:
+        """The samples of the learn rounds, where there are any, and then all others."""
+        return (self.learn_film, self.film) if self.config.how.learns else (self.film,)
+
+    def bytes(self) -> dict[str, Any]:
+        """Device memory of the scene by what it is for, and of the picture: films, shares, and what learning keeps."""
+        shares = [self.allocation] if self.stride == 1 else [self.allocation, self.learned]
+        picture = array_bytes([*self.films, *shares, *self.learner.buffers])
+        return {"scene": scene_bytes(self.scene), "picture": picture}

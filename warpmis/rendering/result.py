@@ -1,0 +1,133 @@
+"""What a render returns: the image, what is known about it, and how to store it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import warpmis
+from warpmis.film.metrics import estimated_relative_error
+
+Float32Array = NDArray[np.float32]
+
+# Hydra's names of the pictures in RenderResult.ids.
+IDS = ("primId", "instanceId", "elementId")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RenderResult:
+    """A finished render. Pictures have row 0 on top.
+
+    Attributes:
+        image: radiance, linear Rec.709, shape (H, W, 3) float32.
+        alpha: coverage from 0 to 1, shape (H, W) float32.
+        albedo: mean reflectance at the first hit, linear Rec.709, shape (H, W, 3) float32.
+        normal: mean shading normal at the first hit, world space, shape (H, W, 3) float32.
+        depth: mean distance along the viewing axis to the first hit [scene units],
+            shape (H, W) float32.
+        samples: number of samples, shape (H, W).
+        variance: variance of one sample's luminance estimate, shape (H, W) float32. A picture of samples that are
+            spread evenly (the strategy choice "stratified", the sampler "lattice") has less noise than as many
+            independent ones.
+        allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
+        strategies: names of the S strategies.
+        round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.
+        ids: if asked for, of what the middle of each pixel sees: the prim's place in `paths`, which of the prim's
+            instances it is, and which face (curve, point), -1 where there is no surface, shape (H, W, 3) int32.
+        paths: if ids were asked for, the prims' paths.
+        stats: counts and times: seconds {load, compile, learn, render}, samples, rays, rays_per_second, ...
+        name: the stage's file name or identifier.
+        settings: what was asked for, as plain values.
+        warnings: what was found in the stage but not honoured, a line each.
+        notes: what was supplied because the stage has none, a line each.
+    """
+
+    image: Float32Array
+    alpha: Float32Array
+    albedo: Float32Array
+    normal: Float32Array
+    depth: Float32Array
+    samples: NDArray[Any]
+    variance: Float32Array
+    allocation: Float32Array
+    strategies: tuple[str, ...]
+    stats: dict[str, Any]
+    name: str
+    round_allocations: tuple[Float32Array, ...] = ()
+    ids: NDArray[np.int32] | None = None
+    paths: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def write(self, path: str | os.PathLike[str], channels: Mapping[str, str] | None = None) -> None:
+        """Write an EXR: the image, everything known per pixel, and the settings in the header.
+
+        Args:
+            channels: the file's channels and which of `channels()` each is, such as {"beauty.R": "R"}; None for all.
+        """
+        from warpmis.output.exr import write_exr  # here, so that a render can be had without OpenEXR
+
+        header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
+        if self.paths:
+            header["paths"] = " ".join(self.paths)  # a path has no spaces
+        pictures = self.channels()
+        if channels is not None:
+            pictures = {name: pictures[own] for name, own in channels.items()}
+        write_exr(path, pictures, header)
+
+    def relative_error(self) -> float:
+        """The relative error that the picture's own samples lead one to expect: 0.02 is 2 % (see metrics.py).
+
+        As a stopping rule told it, if there was one. Else from the spread of single samples' luminance, which misses
+        noise of colour alone, and fireflies as long as they outshine their pixel: too low by a quarter at times. Too
+        high where evenly spread samples do better than independent ones: by a factor of 2 in smooth light.
+        """
+        if "relative_error" in self.stats.get("stopping", {}):
+            return float(self.stats["stopping"]["relative_error"])
+        return estimated_relative_error(self.image, self.variance / np.maximum(self.samples, 1))
+
+    def __repr__(self) -> str:
+        height, width, _ = self.image.shape
+        spp = self.stats.get("stopping", self.settings).get("spp", "?")
+        settings = f"{self.settings.get('method', '?')}, {spp} spp"
+        return f"RenderResult({self.name}, {width} x {height}, {settings})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the picture, the balance map, the expected error."""
+        from warpmis.output.notebook import notebook_html
+
+        caption = f"{self!r}: relative error about {100.0 * self.relative_error():.2g} %"
+        return notebook_html(caption, self.image, self.allocation, self.strategies)
+
+    def channels(self) -> dict[str, Float32Array]:
+        """Every picture under its EXR channel name, each of shape (H, W) float32."""
+        pictures = {"A": self.alpha, "Z": self.depth, "variance.Y": self.variance, "samples.Y": self.samples}
+        for axis, name in enumerate("RGB"):
+            pictures[name] = self.image[..., axis]
+            pictures[f"albedo.{name}"] = self.albedo[..., axis]
+        for axis, name in enumerate("XYZ"):
+            pictures[f"N.{name}"] = self.normal[..., axis]
+        if self.ids is not None:
+            pictures |= {name: self.ids[..., axis] for axis, name in enumerate(IDS)}
+        for axis, name in enumerate(self.strategies):
+            pictures[f"allocation.{name}"] = self.allocation[..., axis]
+        return {name: np.asarray(picture, dtype=np.float32) for name, picture in pictures.items()}
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, str | int | float]:
+    """Nested settings as header attributes: "learn.rounds", sequences as "0.5,0.5", unset ones left out."""
+    flat: dict[str, str | int | float] = {}
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        elif isinstance(value, str | int | float):
+            flat[prefix + name] = value
+        elif value is not None:
+            flat[prefix + name] = ",".join(str(item) for item in value)
+    return flat

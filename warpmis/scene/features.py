@@ -1,0 +1,174 @@
+"""Which effects a scene and a run call for: everything that is static in a kernel is a field here.
+
+A kernel is generated for one Features value. What is off is absent from the kernel's source.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
+from warpmis.scene.light_control import LightControl
+from warpmis.scene.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
+
+# Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
+SMOOTH_ALPHA = 1e-3
+
+
+@dataclass(frozen=True)
+class Features:
+    """Effects, hashable. The strategies are part of it: a run without a mixture has none.
+
+    Attributes:
+        rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
+        dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
+        shaping: lights that shine not alike in all directions; ies: those by a profile.
+        light_pictures: rect lights with a picture; light_tints: geometry that lights in another color than it glows.
+        light_response: lights that diffuse and specular lobes see differently.
+        light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
+        specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
+        opacity: surfaces that let rays through.
+        instances: prototypes that are traced through the transforms of their places.
+        shading_normals: normals that differ from the triangle's.
+        textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
+        orthographic, depth_of_field, clipping: cameras other than a pinhole; clipping planes.
+        indirect: light by way of more than one surface: some surface reflects, and paths are long enough.
+        strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
+        statistics: what learning adds up beside the moments (methods.py).
+        sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
+        tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
+    """
+
+    rect_light: bool = False
+    disk_light: bool = False
+    sphere_light: bool = False
+    cylinder_light: bool = False
+    distant_light: bool = False
+    dome_constant: bool = False
+    dome_picture: bool = False
+    mesh_light: bool = False
+    delta_light: bool = False
+    shaping: bool = False
+    ies: bool = False
+    light_pictures: bool = False
+    light_tints: bool = False
+    light_response: bool = False
+    light_links: bool = False
+    shadow_links: bool = False
+    specular: bool = False
+    clearcoat: bool = False
+    smooth: bool = False
+    opacity: bool = False
+    instances: bool = False
+    shading_normals: bool = False
+    textures: bool = False
+    vertex_colors: bool = False
+    normal_maps: bool = False
+    orthographic: bool = False
+    depth_of_field: bool = False
+    clipping: bool = False
+    indirect: bool = False
+    strategies: tuple[str, ...] = ()
+    statistics: tuple[str, ...] = ()
+    sampler: str = "lattice"
+    tree: str = "wide"
+
+    @property
+    def controlled(self) -> bool:
+        """Whether any light's radiance is not the same in all directions and for all receivers."""
+        asked = (self.shaping, self.light_pictures, self.light_tints, self.light_response)
+        return any((*asked, self.light_links, self.shadow_links))
+
+    @classmethod
+    def all(cls, strategies: tuple[str, ...] = ()) -> Features:
+        """Every effect on: the universal kernel."""
+        effects = {f.name: True for f in fields(cls) if f.type == "bool"}
+        return cls(strategies=strategies, **effects)  # type: ignore[arg-type]  # mypy takes any field for any key
+
+    def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
+        return replace(self, strategies=strategies, statistics=statistics)
+
+    def with_sampler(self, sampler: str = "lattice") -> Features:
+        return replace(self, sampler=sampler)
+
+    def with_tree(self, tree: str) -> Features:
+        return replace(self, tree=tree)
+
+    def with_depth(self, max_depth: int) -> Features:
+        """What paths of so many bounces need of these effects."""
+        return replace(self, indirect=self.indirect and max_depth > 1)
+
+
+def is_smooth(roughness: float | Lookup) -> bool:
+    """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror, anywhere if it is looked up."""
+    return bounds_of(roughness)[0] ** 2 < SMOOTH_ALPHA
+
+
+def is_emissive(material: Material) -> bool:
+    return max(material.mean_emission) > 0.0
+
+
+def reflects(material: Material) -> bool:
+    """Whether the material scatters any light; one with a specular lobe always does."""
+    constant: Any = material.mean
+    return not material.lambertian or max(constant.diffuse_color) > 0.0
+
+
+def is_delta(light: object) -> bool:
+    """Whether a light has no extent in direction: a point, or a distant light of angle 0."""
+    if isinstance(light, SphereLight):
+        return light.radius == 0.0
+    return isinstance(light, DistantLight) and light.half_angle == 0.0
+
+
+def light_controls(scene: Scene) -> list[LightControl]:
+    """What is asked for of all lights, those made of geometry included."""
+    return [light.control for light in scene.lights] + [prim.control for prim in scene.prims]
+
+
+def detect(scene: Scene) -> Features:
+    """The effects that the scene's triangles and lights call for; materials that no triangle uses do not count."""
+    used = [scene.materials[i] for i in scene.used_materials]
+    specular = [m for m in used if not m.lambertian]
+    coated = [m for m in specular if bounds_of(m.clearcoat)[1] > 0.0]
+    lookups = [lookup for m in used for lookup in m.lookups.values()]
+    extended = [light for light in scene.lights if not is_delta(light)]
+    domes = [light for light in extended if isinstance(light, DomeLight)]
+    controls = light_controls(scene)
+
+    def has(kind: type) -> bool:
+        return any(isinstance(light, kind) for light in extended)
+
+    return Features(
+        rect_light=has(RectLight),
+        disk_light=has(DiskLight),
+        sphere_light=has(SphereLight),
+        cylinder_light=has(CylinderLight),
+        distant_light=has(DistantLight),
+        # Several domes are added up: one picture among them makes the sum a picture.
+        dome_constant=bool(domes) and all(d.picture is None for d in domes),
+        dome_picture=any(d.picture is not None for d in domes),
+        mesh_light=any(is_emissive(m) for m in used),
+        delta_light=len(extended) < len(scene.lights),
+        shaping=any(control.shaping is not None for control in controls),
+        ies=any(control.shaping is not None and control.shaping.ies is not None for control in controls),
+        light_pictures=any(control.picture is not None for control in controls),
+        light_tints=any(control.tint is not None for control in controls),
+        light_response=any(control.changes_response for control in controls),
+        light_links=any(control.illuminates is not None for control in controls),
+        shadow_links=any(control.shadow_casters is not None for control in controls),
+        specular=bool(specular),
+        clearcoat=bool(coated),
+        smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
+        opacity=any(m.mean.opacity < 1.0 for m in used),
+        instances=bool(scene.prototypes),
+        shading_normals=any(bool((part.normal_indices >= 0).any()) for part in scene.parts),
+        textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
+        vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),
+        normal_maps=any(m.normal is not None for m in used),
+        orthographic=scene.camera.orthographic,
+        depth_of_field=scene.camera.lens_radius > 0.0,
+        clipping=len(scene.camera.clipping_planes) > 0,
+        indirect=any(reflects(m) for m in used),
+    )

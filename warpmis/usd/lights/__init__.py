@@ -1,0 +1,1 @@
+"""Lights of a stage, and what UsdLux says of them."""

@@ -1,0 +1,1 @@
+"""Materials of a stage: shading networks and their pictures, all end in one Material."""

@@ -1,0 +1,158 @@
+"""Which material each triangle has: bindings and subsets, and displayColor where nothing is bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import UsdGeom, UsdShade
+
+from warpmis.scene import Material
+from warpmis.scene.texture import PrimvarLookup
+from warpmis.usd.materials.materialx import MaterialXNetwork, is_materialx, read_materialx
+from warpmis.usd.materials.preview_surface import clamped, read_preview_surface
+from warpmis.usd.materials.shading_network import ShadingNetwork
+from warpmis.usd.materials.texture import TextureReader
+from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead, corner_primvars, primvar_elements
+from warpmis.usd.shapes.surfaces import Shading, Surface
+
+GREY = 0.18
+
+
+@dataclass(frozen=True, eq=False)
+class BoundMaterial:
+    """A material with the primvars that its lookups read."""
+
+    material: Material
+    columns: PrimvarColumns = field(default_factory=PrimvarColumns)
+
+
+@dataclass(eq=False)
+class MaterialReader:
+    """Reads each material of the stage once, and numbers them as Scene.materials does.
+
+    Attributes:
+        purposes: of bindings, as Settings.material_purposes.
+        materials: material -> its index, in the order of first use.
+        by_path: what the stage's materials were read as; None for one that is not supported.
+    """
+
+    reading: Reading
+    purposes: tuple[str, ...] = ("full", "")
+    materials: dict[Material, int] = field(default_factory=dict)
+    by_path: dict[Any, BoundMaterial | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.textures = TextureReader(self.reading)
+
+    def index(self, material: Material) -> int:
+        """The material's place in Scene.materials."""
+        return self.materials.setdefault(material, len(self.materials))
+
+    def of_surface(self, prim: Any, surface: Surface) -> Shading:
+        """Material of each triangle of a gprim, GeomSubsets of the family materialBind included, and its primvars."""
+        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.IsA(UsdGeom.Mesh) else []
+        found: list[BoundMaterial] = []
+        by_face = np.full(int(surface.faces.max(initial=-1)) + 1, -1)
+        for subset in subsets:
+            bound = self.bound(subset.GetPrim())
+            indices = self.reading.indices(subset.GetIndicesAttr())
+            if bound is not None:
+                by_face[indices[(indices >= 0) & (indices < len(by_face))]] = len(found)
+                found.append(bound)
+        by_triangle = by_face[surface.faces]
+        if (by_triangle < 0).any():
+            by_triangle = np.where(by_triangle < 0, len(found), by_triangle)
+            found.append(self.bound(prim) or display_material(prim, surface, self.reading))
+        materials = np.array([self.index(bound.material) for bound in found], np.int64)
+        return Shading(materials[by_triangle], self._primvars(prim, surface, found, by_triangle))
+
+    def _primvars(
+        self, prim: Any, surface: Surface, found: list[BoundMaterial], by_triangle: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        """What each triangle's material reads at its corners, shape (f, 3, p), 0 in the columns beyond its own."""
+        width = max((bound.columns.width for bound in found), default=0)
+        block = np.zeros((len(by_triangle), 3, width), np.float32)
+        for number, bound in enumerate(found):
+            own = by_triangle == number
+            if bound.columns.width and own.any():
+                block[own, :, : bound.columns.width] = corner_primvars(prim, surface, bound.columns, self.reading)[own]
+        return block
+
+    def bound(self, prim: Any) -> BoundMaterial | None:
+        """The material bound to a gprim or GeomSubset, or None."""
+        material, relationship = self._binding(prim)
+        if not material:
+            if relationship:
+                targets = ", ".join(str(target) for target in relationship.GetTargets())
+                self.reading.warn(prim.GetPath(), f"its bound material {targets} does not exist; displayColor is used")
+            return None
+        path = material.GetPath()
+        if path not in self.by_path:
+            self.by_path[path] = self._read(material)
+        return self.by_path[path]
+
+    def _binding(self, prim: Any) -> tuple[Any, Any]:
+        """Material and relationship of the first purpose that is bound; USD resolves strength and collections."""
+        for purpose in self.purposes:
+            material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+            # A purpose without a binding of its own is answered with that for all purposes.
+            if relationship and _purpose_of(relationship) == purpose:
+                return material, relationship
+        return None, None
+
+    def _read(self, material: Any) -> BoundMaterial | None:
+        """A UsdPreviewSurface, or else MaterialX; None, with a warning, for a material of another shader."""
+        path = material.GetPath()
+        shader = material.ComputeSurfaceSource()[0] or material.ComputeSurfaceSource("mtlx")[0]
+        if not shader:
+            self.reading.warn(path, "it has no UsdPreviewSurface; displayColor is used")
+            return None
+        kind = str(shader.GetIdAttr().Get() or shader.GetImplementationSource())
+        if kind == "UsdPreviewSurface":
+            network = ShadingNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_preview_surface(shader, network), network.columns)
+        if is_materialx(kind):
+            nodes = MaterialXNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_materialx(shader, nodes), nodes.columns)
+        self.reading.warn(path, f"its surface shader {kind} is not supported; displayColor is used")
+        return None
+
+
+def _purpose_of(relationship: Any) -> str:
+    """The purpose in a binding's name: material:binding[:purpose] or material:binding:collection[:purpose]:name."""
+    words = str(relationship.GetName()).split(":")[2:]
+    words = words[1:-1] if words[:1] == ["collection"] else words
+    return words[0] if words else ""
+
+
+def display_material(prim: Any, surface: Surface, reading: Reading) -> BoundMaterial:
+    """The Lambertian of a gprim's displayColor and displayOpacity, 0.18 and 1 where they are not authored."""
+    columns = PrimvarColumns()
+    color = _display_value(prim, surface, PrimvarRead("displayColor", (GREY, GREY, GREY)), columns, reading)
+    opacity = _display_value(prim, surface, PrimvarRead("displayOpacity", (1.0,)), columns, reading)
+    material = Material(
+        diffuse_color=color if isinstance(color, PrimvarLookup) else (color[0], color[1], color[2]),
+        opacity=opacity if isinstance(opacity, PrimvarLookup) else opacity[0],
+        lambertian=True,
+    )
+    return BoundMaterial(material, columns)
+
+
+def _display_value(
+    prim: Any, surface: Surface, read: PrimvarRead, columns: PrimvarColumns, reading: Reading
+) -> tuple[float, ...] | PrimvarLookup:
+    """A display primvar: one value where all its values are equal, else a lookup of it, clamped with a warning."""
+    values, _ = primvar_elements(prim, surface, read.name, read.width, reading)
+    if not len(values):
+        return read.fallback
+    if np.array_equal(values, np.broadcast_to(values[0], values.shape), equal_nan=True):
+        fallback = np.array(read.fallback)
+        value = clamped(prim.GetPath(), f"primvars:{read.name}", values[0], fallback, 0.0, 1.0, reading)
+        return tuple(value.tolist())
+    if not ((values >= 0.0) & (values <= 1.0)).all():
+        reading.warn(prim.GetPath(), f"primvars:{read.name} goes beyond its range; it is clamped to 0 and 1")
+    return PrimvarLookup(columns.column(read))

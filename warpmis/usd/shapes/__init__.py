@@ -1,0 +1,1 @@
+"""Shapes of a stage: meshes, curves, points, implicit shapes; refined, skinned, triangulated."""

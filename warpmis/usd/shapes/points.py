@@ -1,0 +1,73 @@
+"""UsdGeomPoints as spheres of triangles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from warpmis.usd.authored import read_authored
+from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.subdiv.masks import LINEAR_TRIANGLES
+from warpmis.usd.shapes.subdiv.topology import edge_table
+from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
+
+# Points are rendered as icosahedra refined as often as subdivision surfaces, but not beyond this.
+MAX_TRIANGLES = 1 << 22
+
+
+def read_points(prim: Any, reading: Reading) -> Surface | None:
+    """A sphere for each point of a UsdGeomPoints, in its own space, the points being its faces; None without any."""
+    schema = UsdGeom.Points(prim)
+    points = reading.vectors(schema.GetPointsAttr())
+    if not len(points):
+        return None
+    elements = {"constant": 1, "uniform": 1} | dict.fromkeys(("varying", "vertex", "faceVarying"), len(points))
+    widths = read_authored(prim, "widths", str(schema.GetWidthsInterpolation()), elements, reading)
+    if widths is None:
+        reading.warn(prim.GetPath(), "it has no widths; 1 is used")
+    diameters = np.broadcast_to(np.ones((1, 1)) if widths is None else widths.flattened, (len(points), 1))
+    sound = np.isfinite(points).all(axis=1) & np.isfinite(diameters[:, 0])
+    if not sound.all():
+        reading.warn(prim.GetPath(), f"{int((~sound).sum())} points left out: they or their widths are not finite")
+    shown = np.flatnonzero(sound & (diameters[:, 0] > 0.0))
+    levels = reading.levels
+    while levels > 0 and 20 * 4**levels * len(shown) > MAX_TRIANGLES:
+        levels -= 1
+    if levels < reading.levels:
+        reading.warn(prim.GetPath(), f"its {len(shown)} points are rendered in less detail than asked for")
+    directions, triangles = icosphere(levels)
+    spheres = points[shown, None] + 0.5 * diameters[shown, None] * directions
+    return Surface(
+        points=spheres.reshape(-1, 3),
+        triangles=(np.arange(len(shown))[:, None, None] * len(directions) + triangles).reshape(-1, 3),
+        faces=np.repeat(shown, len(triangles)),
+        normals=directions,
+        normal_indices=np.tile(triangles, (len(shown), 1)),
+    )
+
+
+def icosphere(levels: int) -> tuple[FloatArray, IntArray]:
+    """Unit vectors, shape (10 * 4^levels + 2, 3), and triangles, shape (20 * 4^levels, 3), of a refined icosahedron."""
+    ring = np.arange(5)
+    angle = 2.0 * np.pi * ring / 5.0
+    height, radius = 1.0 / np.sqrt(5.0), 2.0 / np.sqrt(5.0)
+    upper = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(5, height)], axis=-1)
+    directions = np.concatenate([[[0.0, 0.0, 1.0]], upper, -upper, [[0.0, 0.0, -1.0]]])
+    following = (ring + 1) % 5
+    across = 6 + (ring + 3) % 5  # the lower vertex half a segment after: -upper turns by half a round
+    triangles = np.concatenate(
+        [
+            np.stack([0 * ring, 1 + ring, 1 + following], axis=-1),
+            np.stack([1 + ring, across, 1 + following], axis=-1),
+            np.stack([1 + following, across, 6 + (ring + 4) % 5], axis=-1),
+            np.stack([0 * ring + 11, 6 + following, 6 + ring], axis=-1),
+        ]
+    )
+    topology = edge_table(np.full(20, 3), triangles.reshape(-1), 12)
+    for _ in range(levels):
+        directions = LINEAR_TRIANGLES.refine(topology, directions)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        topology = LINEAR_TRIANGLES.split(topology)
+    return directions, topology.indices.reshape(-1, 3)

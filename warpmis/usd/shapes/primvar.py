@@ -1,0 +1,113 @@
+"""Primvars at the corners of triangles, whatever their interpolation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import UsdGeom
+
+from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
+
+
+@dataclass(frozen=True)
+class PrimvarRead:
+    """A primvar that a material reads, of `width` components; without a name, or where a prim lacks it, `fallback`."""
+
+    name: str
+    fallback: tuple[float, ...]
+
+    @property
+    def width(self) -> int:
+        return len(self.fallback)
+
+
+@dataclass(eq=False)
+class PrimvarColumns:
+    """The primvars that one material reads, side by side as columns of Geometry.primvars."""
+
+    reads: dict[PrimvarRead, int] = field(default_factory=dict)
+    width: int = 0
+
+    def column(self, read: PrimvarRead) -> int:
+        """The first column of a primvar, which is added where it is not in yet."""
+        if read not in self.reads:
+            self.reads[read] = self.width
+            self.width += read.width
+        return self.reads[read]
+
+
+def corner_primvars(prim: Any, surface: Surface, columns: PrimvarColumns, reading: Reading) -> NDArray[np.float32]:
+    """All columns of one material on one gprim, shape (f, 3, width), finite."""
+    block = np.empty((len(surface.faces), 3, columns.width), np.float32)
+    for read, column in columns.reads.items():
+        block[..., column : column + read.width] = corner_values(prim, surface, read, reading)
+    return block
+
+
+def corner_values(prim: Any, surface: Surface, read: PrimvarRead, reading: Reading) -> FloatArray:
+    """A primvar at every triangle corner, shape (f, 3, width) or one that broadcasts to it.
+
+    What is missing or broken is the fallback, with a warning; a value that is not finite silently so.
+    """
+    fallback = np.array(read.fallback)
+    if not read.name:
+        return fallback
+    values, elements = primvar_elements(prim, surface, read.name, read.width, reading)
+    if not len(values):
+        shown = ", ".join(f"{number:g}" for number in read.fallback)
+        reading.warn(prim.GetPath(), f"its material reads primvars:{read.name}, which it lacks; {shown} is used")
+        return fallback
+    finite = np.abs(values) < np.finfo(np.float32).max
+    return np.where(finite, values, fallback)[elements]
+
+
+def primvar_elements(
+    prim: Any, surface: Surface, name: str, width: int, reading: Reading
+) -> tuple[FloatArray, IntArray]:
+    """Values, shape (n, width), and the row of each triangle corner, shape (f, 3) or (1, 1); no values without any.
+
+    Constant primvars are inherited. Values of the wrong type or number are left out with a warning.
+    """
+    nothing = np.empty((0, width)), np.zeros((1, 1), np.int64)
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue():
+        return nothing
+    values = np.asarray(primvar.Get(reading.time))
+    if values.dtype.kind not in "fiu" or values.size % width or (values.ndim == 2 and values.shape[1] != width):
+        reading.warn(prim.GetPath(), f"primvars:{name} is of the wrong type; it is not used")
+        return nothing
+    values = values.astype(np.float64).reshape(-1, width)
+    indices = reading.indices(primvar.GetIndicesAttr()) if primvar.IsIndexed() else np.arange(len(values))
+    if len(indices) and (indices.min() < 0 or indices.max() >= len(values)):
+        message = f"primvars:{name} is left out: its indices lie outside the {len(values)} values"
+        reading.warn(prim.GetPath(), message)
+        return nothing
+    return _at_corners(prim, surface, name, values[indices], str(primvar.GetInterpolation()), reading)
+
+
+def _at_corners(
+    prim: Any, surface: Surface, name: str, values: FloatArray, interpolation: str, reading: Reading
+) -> tuple[FloatArray, IntArray]:
+    """As `primvar_elements`, of values without indices. A single value holds for the whole prim."""
+    constant = np.zeros((1, 1), np.int64)
+    if len(values) <= 1:
+        return values, constant
+    if interpolation == "constant":
+        reading.warn(prim.GetPath(), f"primvars:{name} is constant but has {len(values)} values; the first is used")
+        return values[:1], constant
+    if surface.mesh is None:
+        reading.warn(prim.GetPath(), f"{name} varies over a {prim.GetTypeName()}; its mean is used")
+        return values.mean(axis=0, keepdims=True), constant
+    authored = surface.mesh.authored
+    numbers = {"uniform": len(authored.counts), "faceVarying": len(authored.indices)}
+    expected = numbers.get(interpolation, len(authored.points))
+    if len(values) != expected:
+        message = f"{len(values)} {interpolation} values of primvars:{name} are left out: {expected} are needed"
+        reading.warn(prim.GetPath(), message)
+        return values[:0], constant
+    values, rows = surface.mesh.primvar(values, np.empty(0, np.int64), interpolation)
+    return values, rows[surface.corners]

@@ -1,0 +1,148 @@
+"""A mesh's polygons as they are rendered, refined if it is a subdivision surface, and the way of its primvars there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.polygons import Polygons, corner_crosses
+from warpmis.usd.shapes.subdiv.cage import read_cage
+from warpmis.usd.shapes.subdiv.masks import BILINEAR, CATMULL_CLARK, CATMULL_CLARK_SMOOTH_TRIANGLES, LOOP, Scheme
+from warpmis.usd.shapes.subdiv.refinement import Refinement
+from warpmis.usd.shapes.surfaces import FloatArray, IntArray
+
+# A mesh is not refined to more faces than this: a million quadrilaterals once, a quarter of a million twice.
+MAX_FACES = 1 << 22
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMesh:
+    """The polygons to render of one mesh.
+
+    Attributes:
+        polygons: as authored, or of the refinement, with those marked usable that are shown.
+        faces: the authored face that each polygon lies in, shape (m',).
+        authored: the polygons as authored.
+        refinement: of the authored faces that are sound; None for a mesh that is rendered as authored.
+        sound_corners: the authored corner of each of the refinement's cage, shape (c,).
+        limit_normals: of a smooth refinement, any length, shape (k, 3), and the row of each corner, shape (c',).
+    """
+
+    polygons: Polygons
+    faces: IntArray
+    authored: Polygons
+    refinement: Refinement | None = None
+    sound_corners: IntArray | None = None
+    limit_normals: tuple[FloatArray, IntArray] | None = None
+
+    def primvar(self, values: FloatArray, indices: IntArray, interpolation: str) -> tuple[FloatArray, IntArray]:
+        """A primvar at the polygons' corners: values, shape (v, k), and the row of each corner, shape (c',).
+
+        Args:
+            values: as authored, shape (u, k), u being what the interpolation needs unless there are indices.
+            indices: the primvar's, in range, or none, shape (i,) or (0,).
+        """
+        if self.refinement is None or interpolation in ("constant", "uniform"):
+            rows = self._elements(interpolation)
+            return values, indices[rows] if len(indices) else rows
+        if interpolation == "faceVarying":
+            rows = indices if len(indices) else equal_rows(values)
+            return self.refinement.face_varying(values, rows[self.sound_corners])
+        at_points = values[indices] if len(indices) else values
+        refined = self.refinement.varying if interpolation == "varying" else self.refinement.points
+        return refined(at_points), self.polygons.indices
+
+    def _elements(self, interpolation: str) -> IntArray:
+        """The element that each corner has its value from, where values are not refined, shape (c',)."""
+        match interpolation:
+            case "constant":
+                return np.zeros(len(self.polygons.indices), np.int64)
+            case "uniform":
+                return np.repeat(self.faces, self.polygons.counts)
+            case "faceVarying":
+                return np.arange(len(self.polygons.indices))
+            case _:
+                return self.polygons.indices
+
+    def smooth_normals(self) -> tuple[FloatArray, IntArray]:
+        """The limit surface's normals or, unrefined, averages over the polygons about a point; rows as `primvar`'s."""
+        if self.limit_normals is not None:
+            return self.limit_normals
+        corner, cross, _ = corner_crosses(self.polygons, np.flatnonzero(self.polygons.usable))
+        point, number = self.polygons.indices[corner], len(self.polygons.points)
+        sums = [np.bincount(point, cross[:, axis], minlength=number) for axis in range(3)]
+        return np.stack(sums, axis=-1), self.polygons.indices
+
+
+def equal_rows(values: FloatArray) -> IntArray:
+    """For every row of `values` the first one that is equal to it, shape (v,)."""
+    key = np.zeros(len(values), np.int64)
+    for column in values.T:
+        distinct, inverse = np.unique(column, return_inverse=True)
+        _, key = np.unique(key * len(distinct) + inverse, return_inverse=True)
+    first = np.zeros(int(key.max(initial=-1)) + 1, np.int64)
+    first[key[::-1]] = np.arange(len(values))[::-1]
+    return first[key]
+
+
+def refined_mesh(mesh: Any, polygons: Polygons, scheme_name: str, holes: IntArray, reading: Reading) -> RefinedMesh:
+    """The mesh refined as often as the reading says, or as it is authored.
+
+    Args:
+        polygons: those usable that are sound.
+        holes: faces that shape the surface but are not shown, in range.
+    """
+    scheme = _scheme(mesh, polygons, scheme_name, reading)
+    shown = polygons.usable.copy()
+    shown[holes] = False
+    sound = np.flatnonzero(polygons.usable)
+    levels = _levels(mesh, scheme, polygons.counts[sound], reading)
+    if scheme is None or levels == 0:
+        return RefinedMesh(replace(polygons, usable=shown), np.arange(len(shown)), polygons)
+    corners = np.flatnonzero(np.repeat(polygons.usable, polygons.counts))
+    cage, hidden = read_cage(mesh, polygons.counts[sound], polygons.indices[corners], len(polygons.points), reading)
+    linear = str(reading.get(mesh.GetFaceVaryingLinearInterpolationAttr(), "cornersPlus1"))
+    refinement = Refinement(cage, scheme, levels, linear)
+    normals: tuple[FloatArray, IntArray] | None = None
+    if scheme is BILINEAR:  # which is flat
+        points = refinement.points(polygons.points)
+    else:
+        points, normals = refinement.surface(polygons.points)
+    finest = refinement.finest
+    refined = Polygons(points, finest.counts, finest.indices, (shown[sound] & ~hidden)[refinement.parents])
+    return RefinedMesh(refined, sound[refinement.parents], polygons, refinement, corners, normals)
+
+
+def _scheme(mesh: Any, polygons: Polygons, name: str, reading: Reading) -> Scheme | None:
+    """How the mesh is refined; None for one of polygons."""
+    if name == "none":
+        return None
+    if name == "bilinear":
+        return BILINEAR
+    if name == "loop":
+        if (polygons.counts[polygons.usable] != 3).any():
+            reading.warn(mesh.GetPath(), "loop subdivision is for triangles alone; rendered as the cage's polygons")
+            return None
+        return LOOP
+    if name != "catmullClark":
+        reading.warn(mesh.GetPath(), f"subdivisionScheme {name} is not known; catmullClark is used")
+    rule = str(reading.get(mesh.GetTriangleSubdivisionRuleAttr(), "catmullClark"))
+    return CATMULL_CLARK_SMOOTH_TRIANGLES if rule == "smooth" else CATMULL_CLARK
+
+
+def _levels(mesh: Any, scheme: Scheme | None, counts: IntArray, reading: Reading) -> int:
+    """How often to refine faces of these numbers of corners: the reading's levels, unless that gives too many faces."""
+    if scheme is None:
+        return 0
+    first = 4 * len(counts) if scheme is LOOP else int(counts.sum())
+    levels = reading.levels
+    while levels > 0 and first * 4 ** (levels - 1) > MAX_FACES:
+        levels -= 1
+    if levels < reading.levels:
+        times = "once" if levels == 1 else f"{levels} times"
+        how = times if levels else "not at all"
+        reading.warn(mesh.GetPath(), f"refined {how}, not {reading.levels} times: it would have over {MAX_FACES} faces")
+    return levels
