@@ -56,8 +56,15 @@ def render(
         stage: path of a USD file, a Usd.Stage, or a Scene.
         config: all settings at once; or name the fields of RenderConfig and LearnConfig (learn_rounds, learn_spp,
             initial_allocation, keep_maps) one by one.
-        camera, purposes, render_settings, product, time, complexity, variants, mask, session_layer: what to read of the
-            stage, as in load_stage; a Scene has been read already.
+        camera: what to read of the stage, as in load_stage, like the next eight; a Scene has been read already.
+        purposes: as in load_stage.
+        render_settings: as in load_stage.
+        product: as in load_stage.
+        time: as in load_stage.
+        complexity: as in load_stage.
+        variants: as in load_stage.
+        mask: as in load_stage.
+        session_layer: as in load_stage.
         shutter_samples: at how many times within the camera's shutter interval the stage is read, for motion blur.
         progress: called about every tenth of a second with how far the render has come.
         features: the effects to compile, None for those that the scene calls for; Features.all() for all of them.
