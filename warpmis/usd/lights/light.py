@@ -95,7 +95,7 @@ def read_light(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> li
     lights = [read(prim, matrix, emission, reading) for matrix in matrices]
     controls = [read_control(prim, matrix, reading) for matrix in matrices]
     return [
-        replace(light, control=control)
+        light if control is PLAIN else replace(light, control=control)
         for light, control in zip(lights, controls, strict=True)
         if light is not None and is_in_range(emission.path, _radiance(light), reading)
     ]
@@ -111,23 +111,24 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
     if reading.get(light.GetEnableColorTemperatureAttr(), False):
         color = color * blackbody_color(reading.number(prim, "inputs:colorTemperature", 6500.0))
     radiance = intensity * np.exp2(exposure) * color
-    if not np.isfinite(radiance).all() or np.abs(radiance).max() > MAX_COORDINATE or intensity < 0.0:
+    colors = radiance.tolist()
+    if not all(abs(value) <= MAX_COORDINATE for value in colors) or intensity < 0.0:
         reading.warn(
             path, f"the light is left out: intensity {intensity:g}, exposure {exposure:g} and color must give a "
             f"finite radiance from 0 to {MAX_COORDINATE:g}"
         )  # fmt: skip
         return None
-    if (radiance < 0.0).any():
+    if min(colors) < 0.0:
         reading.warn(path, "the light's color is negative in places; 0 is used there")
         radiance = np.maximum(radiance, 0.0)
-    if not radiance.any():
+    if max(colors) <= 0.0:
         return None
     return Emission(str(path), radiance, bool(reading.get(light.GetNormalizeAttr(), False)))
 
 
 def is_in_range(path: str, radiance: Any, reading: Reading) -> bool:
     """Whether float32 can hold a light's radiance, its division by the size done; a warning where not."""
-    if np.max(radiance) <= MAX_RADIANCE:
+    if max(radiance) <= MAX_RADIANCE:
         return True
     reading.warn(path, f"the light is left out: it is so small that its radiance would be above {MAX_RADIANCE:g}")
     return False
@@ -146,8 +147,7 @@ def blackbody_color(temperature: float) -> Vector:
 
 def _has_place(path: str, shape: list[Any], area: float, reading: Reading) -> bool:
     """Whether a light's world-space shape is finite and has an area; a warning where not."""
-    values = np.concatenate([np.ravel(values) for values in shape])
-    if not np.isfinite(values).all() or np.abs(values).max() > MAX_COORDINATE:
+    if not all(np.abs(values).max() <= MAX_COORDINATE for values in shape):
         reading.warn(path, "the light is left out: its size or transform is not finite")
         return False
     if not area > 0.0:
@@ -186,10 +186,10 @@ def _sphere(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> 
     radius = abs(reading.number(prim, "inputs:radius", 0.5))
     if reading.get(prim.GetAttribute("treatAsPoint"), False):
         return _point(matrix, radius, emission, reading)
-    area = ellipsoid_area(matrix[:3, :3], radius)
+    scale = uniform_scale(matrix[:3, :3])
+    area = sphere_area(matrix[:3, :3], radius, scale)
     if not _has_place(emission.path, [matrix, radius], area, reading):
         return None
-    scale = uniform_scale(matrix[:3, :3])
     if scale is None:
         return _emissive(sphere(radius), matrix, emission, area)
     return SphereLight(emission.path, matrix[3, :3].copy(), radius * scale, emission.over(area))
@@ -200,7 +200,7 @@ def _point(matrix: Vector, radius: float, emission: Emission, reading: Reading) 
 
     With normalize that is a quarter of the light's intensity, whatever the radius, 0 included.
     """
-    area = ellipsoid_area(matrix[:3, :3], radius)
+    area = sphere_area(matrix[:3, :3], radius, uniform_scale(matrix[:3, :3]))
     if not _has_place(emission.path, [matrix, radius], 1.0 if emission.normalize else area, reading):
         return None
     intensity = emission.radiance / 4.0 if emission.normalize else emission.radiance * area / 4.0
@@ -270,10 +270,16 @@ def _has_z_pole(prim: Any, reading: Reading) -> bool:
 
 def uniform_scale(linear: Vector) -> float | None:
     """The factor by which a matrix of shape (3, 3) scales all lengths, or None for one that changes shapes."""
-    gram = linear @ linear.T
-    square = float(np.trace(gram)) / 3.0
-    similar = np.abs(gram - square * np.eye(3)).max() <= SIMILARITY_TOLERANCE * square
-    return math.sqrt(square) if similar else None
+    rows = linear.tolist()  # Python is done with nine numbers before NumPy has begun
+    gram = [a[0] * b[0] + a[1] * b[1] + a[2] * b[2] for a in rows for b in rows]
+    square = (gram[0] + gram[4] + gram[8]) / 3.0
+    apart = max(abs(value - (0.0 if i % 4 else square)) for i, value in enumerate(gram))
+    return math.sqrt(square) if apart <= SIMILARITY_TOLERANCE * square else None
+
+
+def sphere_area(linear: Vector, radius: float, scale: float | None) -> float:
+    """Area of a sphere's image under a matrix of shape (3, 3), whose uniform scale is known, or None."""
+    return ellipsoid_area(linear, radius) if scale is None else 4.0 * math.pi * (radius * scale) ** 2
 
 
 def ellipsoid_area(linear: Vector, radius: float) -> float:

@@ -17,12 +17,17 @@ from warpmis.usd.reading import Reading
 def linked_lights(lights: list[Light], prims: list[Prim], reading: Reading) -> tuple[Light, ...]:
     """The lights with what their collections and ShadowAPI say about the prims of the scene."""
     paths = [prim.path for prim in prims]
-    linked = [replace(light, control=_linked(light.path, light.control, paths, reading)) for light in lights]
+    linked = [_linked_light(light, paths, reading) for light in lights]
     domes = [light for light in linked if isinstance(light, DomeLight)]
     if len(domes) > 1 and any(dome.control.asks for dome in domes):
         reading.warn(domes[0].path, "not supported: linking and multipliers where there are several domes; left out")
         linked = [replace(light, control=PLAIN) if isinstance(light, DomeLight) else light for light in linked]
     return tuple(linked)
+
+
+def _linked_light(light: Light, paths: list[str], reading: Reading) -> Light:
+    control = _linked(light.path, light.control, paths, reading)
+    return light if control is light.control else replace(light, control=control)
 
 
 def linked_prims(prims: list[Prim], reading: Reading) -> tuple[Prim, ...]:
