@@ -54,7 +54,7 @@ def read_camera(
     if prim is None:
         framed = world_bounds(geometry, prototypes, lights)
         path, gf_camera = "", framing_camera(framed, str(UsdGeom.GetStageUpAxis(reading.stage)))
-        reading.notes.append("the stage has no camera: one that frames the geometry is used")
+        reading.note("the stage has no camera: one that frames the geometry is used")
     else:
         path, gf_camera = str(prim.GetPath()), _lens(prim, reading)
         gf_camera.transform *= Gf.Matrix4d().SetTranslate(Gf.Vec3d(*(-origin).tolist()))
@@ -111,7 +111,7 @@ def _find_camera(reading: Reading, settings: Settings, asked: str | None) -> Any
     if primary is not None:
         return primary
     if len(cameras) > 1:
-        reading.notes.append(f"{cameras[0].GetPath()} is used, the first of the stage's {len(cameras)} cameras")
+        reading.note(f"{cameras[0].GetPath()} is used, the first of the stage's {len(cameras)} cameras")
     return cameras[0] if cameras else None
 
 

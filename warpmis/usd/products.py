@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -12,8 +12,9 @@ import numpy as np
 from pxr import Usd, UsdRender
 
 from warpmis.errors import StageError
+from warpmis.usd.messages import Messages
 from warpmis.usd.opening import open_stage
-from warpmis.usd.reading import Reading, captured_diagnostics
+from warpmis.usd.reading import Reading, add_diagnostics, captured_diagnostics, composition_warnings
 from warpmis.usd.settings import settings_prim
 
 # What renderers and light path expressions call the pictures that a result has, in lower case.
@@ -73,18 +74,30 @@ def read_products(
     Raises:
         StageError: the stage cannot be opened, or has no RenderSettings or no products of type raster.
     """
-    with captured_diagnostics(), np.errstate(all="ignore"):
-        stage = open_stage(path_or_stage, variants, mask, session_layer)
-        code = Usd.TimeCode(stage.GetStartTimeCode() if time is None else time)
-        settings = settings_prim(stage, render_settings)
-        if settings is None:
-            raise StageError("there are no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())
-        products = []
-        for target in settings.GetProductsRel().GetForwardedTargets():
-            prim = stage.GetPrimAtPath(target)
-            reading = Reading(stage, code, frozenset(), 0)
-            if prim and prim.IsA(UsdRender.Product):
-                products.append(_read(UsdRender.Product(prim), reading))
+    warnings = Messages()
+    try:
+        with captured_diagnostics() as messages, np.errstate(all="ignore"):
+            stage = open_stage(path_or_stage, variants, mask, session_layer)
+            code = Usd.TimeCode(stage.GetStartTimeCode() if time is None else time)
+            return _read_all(Reading(stage, code, frozenset(), 0, warnings=warnings), render_settings)
+    except StageError as error:
+        add_diagnostics(messages, warnings)
+        raise error.explained_by(tuple(warnings)) from None
+
+
+def _read_all(reading: Reading, render_settings: str | None) -> tuple[Product, ...]:
+    stage = reading.stage
+    composition_warnings(reading)
+    settings = settings_prim(stage, render_settings)
+    if settings is None:
+        raise StageError("there are no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())
+    products = []
+    for target in settings.GetProductsRel().GetForwardedTargets():
+        prim = stage.GetPrimAtPath(target)
+        if prim and prim.IsA(UsdRender.Product):
+            products.append(_read(UsdRender.Product(prim), replace(reading, warnings=Messages())))
+        else:
+            reading.warn(settings.GetPath(), f"its product {target} is no RenderProduct prim")
     if not products:
         raise StageError("these RenderSettings have no products", str(settings.GetPath()))
     return tuple(products)

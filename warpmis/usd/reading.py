@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Tf, UsdUtils
 
+from warpmis.usd.messages import Messages
+
 # World coordinates beyond this overflow when two float32 lengths are multiplied.
 MAX_COORDINATE = 1e18
 
@@ -29,7 +31,7 @@ class Reading:
         time: the numeric Usd.TimeCode at which every attribute is read.
         purposes: the purposes that are rendered, "default" among them.
         levels: how many times subdivision surfaces are refined.
-        warnings: what was found but not honoured, in order and without repeats (a dict used as an ordered set).
+        warnings: what was found but not honoured.
         notes: what was supplied because the stage has none.
     """
 
@@ -37,12 +39,16 @@ class Reading:
     time: Any
     purposes: frozenset[str]
     levels: int
-    warnings: dict[str, None] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    warnings: Messages = field(default_factory=Messages)
+    notes: Messages = field(default_factory=Messages)
 
     def warn(self, path: object, message: str) -> None:
-        """Records one line `path: message`; the same line twice is kept once."""
-        self.warnings[f"{path}: {message}"] = None
+        """Records what is not honoured of a prim; lines of one kind are kept as one."""
+        self.warnings.add(path, message)
+
+    def note(self, message: str, path: object = "") -> None:
+        """Records what was supplied, of a prim or of the whole stage."""
+        self.notes.add(path, message)
 
     def get(self, attribute: Any, default: Any = None) -> Any:
         """The attribute's value at the reading's time; `default` where it has none.
@@ -139,10 +145,13 @@ def composition_warnings(reading: Reading) -> None:
         reading.warn(site.path if site else reading.stage.GetRootLayer().identifier, " ".join(str(error).split()))
 
 
-def unrepeated(messages: list[str], warnings: Iterable[str]) -> list[str]:
-    """pxr's messages without what stands in the warnings already, and without where in the sources they arose."""
-    bare = (SOURCE_SITE.sub("", PRIM_PREFIX.sub("", message)).strip() for message in messages)
-    return [message for message in dict.fromkeys(bare) if not any(message in warning for warning in warnings)]
+def add_diagnostics(messages: Iterable[str], warnings: Messages) -> None:
+    """Adds pxr's messages, without where in the sources they arose, but those that a warning quotes already."""
+    known = list(warnings)
+    for message in messages:
+        bare = SOURCE_SITE.sub("", PRIM_PREFIX.sub("", message)).strip()
+        if not any(bare in line for line in known):
+            warnings.add_text(bare)
 
 
 PxrError = Tf.ErrorException

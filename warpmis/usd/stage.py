@@ -20,16 +20,17 @@ from warpmis.usd.lights.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.lights.light_linking import linked_lights, linked_prims
 from warpmis.usd.lights.mesh_light import read_mesh_light
 from warpmis.usd.materials.material import MaterialReader
+from warpmis.usd.messages import Messages
 from warpmis.usd.opening import open_stage
 from warpmis.usd.origin import Bounds, moved, placed_box, scene_origin
 from warpmis.usd.placing import GeometryBuilder
 from warpmis.usd.reading import (
     PxrError,
     Reading,
+    add_diagnostics,
     captured_diagnostics,
     composition_warnings,
     one_line,
-    unrepeated,
 )
 from warpmis.usd.settings import PURPOSES, Settings, read_settings
 from warpmis.usd.shapes.curves import read_curves
@@ -89,25 +90,32 @@ def load_stage(
         raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")
     if complexity not in COMPLEXITIES:
         raise ConfigError(f"unknown complexity {complexity}; there are {', '.join(COMPLEXITIES)}")
-    # What is not finite is looked for and warned about by name; NumPy's own warnings would add nothing.
-    with captured_diagnostics() as messages, np.errstate(all="ignore"):
-        stage = path_or_stage
-        if not isinstance(stage, Usd.Stage) or variants or mask or session_layer or has_skeletons(stage):
-            stage = open_stage(stage, variants, mask, session_layer)
-        reading = Reading(
-            stage=stage,
-            time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
-            purposes=frozenset({"default", *(("render",) if purposes is None else purposes)}),
-            levels=COMPLEXITIES[complexity],
-        )
-        composition_warnings(reading)
-        if has_skeletons(stage):
-            bake_skinning(reading)
-        settings = read_settings(reading, render_settings, product)
-        if purposes is None and settings.purposes is not None:
-            reading = replace(reading, purposes=frozenset({"default", *settings.purposes}))
-        scene = _read_scene(reading, settings, camera, width)
-    return replace(scene, warnings=(*reading.warnings, *unrepeated(messages, reading.warnings)))
+    warnings = Messages()
+    try:
+        # What is not finite is looked for and warned about by name; NumPy's own warnings would add nothing.
+        with captured_diagnostics() as messages, np.errstate(all="ignore"):
+            stage = path_or_stage
+            if not isinstance(stage, Usd.Stage) or variants or mask or session_layer or has_skeletons(stage):
+                stage = open_stage(stage, variants, mask, session_layer)
+            reading = Reading(
+                stage=stage,
+                time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
+                purposes=frozenset({"default", *(("render",) if purposes is None else purposes)}),
+                levels=COMPLEXITIES[complexity],
+                warnings=warnings,
+            )
+            composition_warnings(reading)
+            if has_skeletons(stage):
+                bake_skinning(reading)
+            settings = read_settings(reading, render_settings, product)
+            if purposes is None and settings.purposes is not None:
+                reading = replace(reading, purposes=frozenset({"default", *settings.purposes}))
+            scene = _read_scene(reading, settings, camera, width)
+    except StageError as error:
+        add_diagnostics(messages, warnings)
+        raise error.explained_by(tuple(warnings)) from None
+    add_diagnostics(messages, warnings)
+    return replace(scene, warnings=tuple(warnings))
 
 
 def _read_scene(reading: Reading, settings: Settings, camera: str | None, width: int | None) -> Scene:
@@ -125,7 +133,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     emissive = any(max(materials[index].mean_emission) > 0.0 for index in np.unique(geometry.materials))
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
-        reading.notes.append("the stage has no light: a dome of radiance 1 is used")
+        reading.note("the stage has no light: a dome of radiance 1 is used")
     found, resolution = read_camera(reading, settings, camera, width, geometry, prototypes, contents.lights, origin)
     return Scene(
         name=name,
@@ -219,8 +227,7 @@ class StageContents:
     def _add_light(self, placement: Placement) -> None:
         prim = placement.prim
         if str(prim.GetTypeName()) == "PortalLight":
-            if PORTAL_NOTE not in self.reading.notes:
-                self.reading.notes.append(PORTAL_NOTE)
+            self.reading.note(PORTAL_NOTE)
             return
         if not is_light(str(prim.GetTypeName())):
             self.reading.warn(prim.GetPath(), f"{prim.GetTypeName()} is not supported; the light is left out")
