@@ -140,9 +140,13 @@ def captured_diagnostics() -> Iterator[list[str]]:
 
 def composition_warnings(reading: Reading) -> None:
     """One warning for each reference, payload or sublayer that could not be composed."""
+    found = []
     for error in reading.stage.GetCompositionErrors():
         site = getattr(error, "rootSite", None)
-        reading.warn(site.path if site else reading.stage.GetRootLayer().identifier, " ".join(str(error).split()))
+        path = site.path if site else reading.stage.GetRootLayer().identifier
+        found.append((str(path), " ".join(str(error).split())))
+    for path, message in sorted(found):  # pxr composes in threads, which find errors in any order
+        reading.warn(path, message)
 
 
 def add_diagnostics(messages: Iterable[str], warnings: Messages) -> None:
