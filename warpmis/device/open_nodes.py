@@ -9,6 +9,7 @@ Reference: Wald (2007), "On Fast Construction of SAH-based Bounding Volume Hiera
 
 import warp as wp
 
+from warpmis.device.kernel_factory import device_kernel
 from warpmis.device.views import vec8f, vec8i
 
 wp.set_module_options({"enable_backward": False})
@@ -174,7 +175,7 @@ def box_of(
     return box
 
 
-@wp.kernel(enable_backward=False)
+@device_kernel
 def open_nodes(
     ranges: wp.array(dtype=wp.vec2i),
     halve: int,

@@ -1,11 +1,10 @@
 """Which prim is seen at a pixel: the ids of the first surface that a ray through the pixel's middle meets."""
 
 from dataclasses import replace
-from functools import cache
-from zlib import crc32
 
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.device.views import CameraView, SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
@@ -14,18 +13,14 @@ from warpmis.kernels.material import make_material
 from warpmis.scene.features import Features
 
 
-@cache
-def make_identify(features: Features) -> wp.Kernel:
+@kernel_factory
+def make_identify(features: Features) -> KernelFunction:
     """The kernel for one set of effects: (prim, place, face) of each pixel, -1 where it sees no surface."""
     camera_ray = make_camera(replace(features, depth_of_field=False))
     intersect = make_intersect(features)
     materials = make_material(features)
-    signature = crc32(repr(features).encode()) >> 1  # as in trace.py
 
-    @wp.kernel(module="unique", enable_backward=False)
     def identify(scene: SceneView, camera: CameraView, first_pixel: int, ids: wp.array(dtype=wp.vec3i)):
-        if wp.static(signature) < 0:
-            return
         pixel = first_pixel + wp.tid()
         ids[pixel] = wp.vec3i(-1, -1, -1)
         ray = camera_ray(camera, rng.RngKey(), pixel, 0.5, 0.5)

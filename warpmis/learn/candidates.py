@@ -19,10 +19,9 @@ Reference: Veach (1997), section 9.2, the multi-sample and the one-sample model;
 "Multiple Importance Sampling Revisited: Breaking the Bounds", for the deterministic mixture's variance.
 """
 
-from functools import cache
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
 
 # Cost of what follows a direction that the lights drew, in units of what follows one that the BSDF drew:
@@ -42,8 +41,8 @@ UNEVEN = 0.5 / 256.0
 ON_A_LATTICE = 1.1
 
 
-@cache
-def make_candidates(layout: Layout, stratified: bool, lattice: bool = False) -> wp.Kernel:
+@kernel_factory
+def make_candidates(layout: Layout, stratified: bool, lattice: bool = False) -> KernelFunction:
     """Solver kernel for two strategies: (first, relative moments, cost weight) -> allocation, (V, cost).
 
     V and cost are the chosen candidate's. The first strategy is the BSDF if the samples come in pairs.
@@ -85,7 +84,6 @@ def make_candidates(layout: Layout, stratified: bool, lattice: bool = False) -> 
         apart = (first_mean - mean) / (1.0 - share)
         return wp.static(UNEVEN) * apart * apart
 
-    @wp.kernel(module="unique", enable_backward=False)
     def best_candidate(
         first: int,
         moments: wp.array(dtype=vec_r),

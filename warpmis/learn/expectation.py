@@ -8,22 +8,20 @@ optimum is that of another measure, which agrees with the least variance where a
 Reference: Cappe, Douc, Guillin, Marin, Robert (2008), "Adaptive Importance Sampling in General Mixture Classes".
 """
 
-from functools import cache
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.moments import Layout
 
 
-@cache
-def make_expectation(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_expectation(layout: Layout) -> KernelFunction:
     """Solver kernel: (first, moments, allocation, min_share) -> allocation in place."""
     count = layout.strategies
     vec_k = layout.vec
     vec_s = wp.types.vector(length=count, dtype=wp.float32)
     posterior = layout.offset("posterior")
 
-    @wp.kernel(module="unique", enable_backward=False)
     def expectation(first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), min_share: float):
         pixel = first + wp.tid()
         sums = moments[pixel]

@@ -12,10 +12,9 @@ negative, and a share of 0 could never grow again.
 Reference: Murray et al. (2020), equations 5 and 10 and section 4; moments as in kernels/moments.py.
 """
 
-from functools import cache
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.moments import Layout
 
 # Keeps the system solvable where two strategies have nearly equal densities; relative to the Hessian's trace.
@@ -25,8 +24,8 @@ RIDGE = 1e-6
 LEAST = 0.01
 
 
-@cache
-def make_newton_seed(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_newton_seed(layout: Layout) -> KernelFunction:
     """Solver kernel for two strategies or more: (first, moments, allocation, low, high) -> allocation in place."""
     count = layout.strategies
     unknowns = count - 1
@@ -74,7 +73,6 @@ def make_newton_seed(layout: Layout) -> wp.Kernel:
         a[wp.static(count - 1)] = rest
         return a
 
-    @wp.kernel(module="unique", enable_backward=False)
     def newton_seed(
         first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), low: float, high: float
     ):

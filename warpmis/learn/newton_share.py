@@ -8,23 +8,21 @@ to [0.25, 0.75] is Lu et al.'s closed form; steps until convergence, clamped to 
 Reference: Lu, Pacanowski, Granier (2013); Sbert, Havran, Szirmay-Kalos (2019); Murray et al. (2020), equation 5.
 """
 
-from functools import cache
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.moments import Layout
 
 # Below this share of M2 the second derivative is rounding: the densities are equal, and any allocation is as good.
 FLAT = 1e-12
 
 
-@cache
-def make_newton_share(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_newton_share(layout: Layout) -> KernelFunction:
     """Solver kernel for two strategies: (first, moments, allocation, low, high) -> allocation in place."""
     vec_k = layout.vec
     vec_s = wp.types.vector(length=2, dtype=wp.float32)
 
-    @wp.kernel(module="unique", enable_backward=False)
     def newton_share(
         first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), low: float, high: float
     ):

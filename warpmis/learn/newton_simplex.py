@@ -16,10 +16,9 @@ Reference: Murray et al. (2020), equation 10; Fan, Chen, Lin (2005), "Working Se
 Information for Training Support Vector Machines", for the choice of the pair.
 """
 
-from functools import cache
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.moments import Layout
 
 # Share moved by a pair at most this often for each strategy, and until the gain is below GAIN of the second moment.
@@ -27,8 +26,8 @@ SWEEPS = 24
 GAIN = 1e-9
 
 
-@cache
-def make_newton_simplex(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_newton_simplex(layout: Layout) -> KernelFunction:
     """Solver kernel: (first, relative moments, allocation, min_share) -> allocation in place."""
     count = layout.strategies
     vec_r = layout.relative_vec
@@ -61,7 +60,6 @@ def make_newton_simplex(layout: Layout) -> wp.Kernel:
         y = wp.float64(known[wp.static(mean)])
         return wp.max(second - y * y, wp.float64(0.0)) / wp.max(spent, wp.float64(1.0))
 
-    @wp.kernel(module="unique", enable_backward=False)
     def newton_simplex(
         first: int,
         moments: wp.array(dtype=vec_r),

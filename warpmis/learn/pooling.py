@@ -9,11 +9,9 @@ Reference: Schied et al. (2017), "Spatiotemporal Variance-Guided Filtering", for
 Vliet (2005), "Separable Bilateral Filtering for Fast Video Preprocessing", for the two passes.
 """
 
-from functools import cache
-from zlib import crc32
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
 
@@ -65,8 +63,8 @@ def alike(a: Guide, b: Guide) -> float:
     return wp.exp(-(normal + albedo + depth * depth))
 
 
-@cache
-def make_relative(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_relative(layout: Layout) -> KernelFunction:
     """Kernel: (first, moments, film, width, height, floor) -> each pixel's relative moments, weight and guide.
 
     The weight is 1, or 0 where nothing was sampled.
@@ -76,9 +74,7 @@ def make_relative(layout: Layout) -> wp.Kernel:
     mean = layout.offset("mean")
     size = layout.size
     powers = tuple(layout.power(entry) for entry in range(size))
-    signature = crc32(repr(layout).encode()) >> 1  # as in kernels/trace.py
 
-    @wp.kernel(module="unique", enable_backward=False)
     def relative(
         first: int,
         moments: wp.array(dtype=vec_k),
@@ -90,8 +86,6 @@ def make_relative(layout: Layout) -> wp.Kernel:
         weights: wp.array(dtype=float),
         guides: wp.array(dtype=Guide),
     ):
-        if wp.static(signature) < 0:
-            return
         pixel = first + wp.tid()
         total = wp.float64(0.0)
         samples = wp.float64(0.0)
@@ -126,14 +120,12 @@ def make_relative(layout: Layout) -> wp.Kernel:
     return relative
 
 
-@cache
-def make_row_sums(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_row_sums(layout: Layout) -> KernelFunction:
     """Kernel, a thread a row: (means, weights, width) -> sums over the pixels that found light, and their number."""
     vec_r = layout.relative_vec
     mean = layout.offset("mean")
-    signature = crc32(repr(layout).encode()) >> 1
 
-    @wp.kernel(module="unique", enable_backward=False)
     def row_sums(
         means: wp.array(dtype=vec_r),
         weights: wp.array(dtype=float),
@@ -141,8 +133,6 @@ def make_row_sums(layout: Layout) -> wp.Kernel:
         sums: wp.array(dtype=vec_r),
         counts: wp.array(dtype=float),
     ):
-        if wp.static(signature) < 0:
-            return
         row = wp.tid()
         total = vec_r()
         count = float(0.0)
@@ -157,14 +147,12 @@ def make_row_sums(layout: Layout) -> wp.Kernel:
     return row_sums
 
 
-@cache
-def make_pool(layout: Layout) -> wp.Kernel:
+@kernel_factory
+def make_pool(layout: Layout) -> KernelFunction:
     """Kernel: (first, means, weights, guides, width, height, radius, along x or y, prior, its weight) -> means and
     weights of a line of pixels with the prior among them."""
     vec_r = layout.relative_vec
-    signature = crc32(repr(layout).encode()) >> 1
 
-    @wp.kernel(module="unique", enable_backward=False)
     def pool(
         first: int,
         means: wp.array(dtype=vec_r),
@@ -179,8 +167,6 @@ def make_pool(layout: Layout) -> wp.Kernel:
         pooled: wp.array(dtype=vec_r),
         pooled_weights: wp.array(dtype=float),
     ):
-        if wp.static(signature) < 0:
-            return
         pixel = first + wp.tid()
         center = guides[pixel]
         at = pixel / width

@@ -6,9 +6,9 @@ Shares as learned would leave one sample too many or too few in most rounds: mor
 alone has none. A share moves by half a sample at most, or by one where a bound is in the way.
 """
 
-from functools import cache
-
 import warp as wp
+
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 
 # Samples for each strategy below which rounding would move the shares by more than it is worth.
 FEWEST = 8
@@ -21,8 +21,8 @@ def rounds_well(samples: int, strategies: int) -> bool:
     return FEWEST * strategies <= samples <= MOST
 
 
-@cache
-def make_whole_samples(count: int) -> wp.Kernel:
+@kernel_factory
+def make_whole_samples(count: int) -> KernelFunction:
     """Kernel: (first, allocation, samples of a round, min_share) -> allocation in place.
 
     A share at the bound or below it is rounded up, the others to the nearest; the sum is kept where that moves a share
@@ -30,7 +30,6 @@ def make_whole_samples(count: int) -> wp.Kernel:
     """
     vec_s = wp.types.vector(length=max(count, 1), dtype=wp.float32)
 
-    @wp.kernel(module="unique", enable_backward=False)
     def whole_samples(first: int, allocation: wp.array(dtype=vec_s), samples: int, min_share: float):
         pixel = first + wp.tid()
         wanted = allocation[pixel] * float(samples)

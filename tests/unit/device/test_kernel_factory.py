@@ -1,0 +1,122 @@
+"""Kernels are named by what they are specialised to: two that differ are two modules, from every factory."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+import warp as wp
+
+import warpmis
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
+from warpmis.kernels.moments import Layout
+from warpmis.methods import METHODS
+from warpmis.scene.features import Features
+
+PACKAGE = Path(warpmis.__file__).parent
+OWN_FILE = PACKAGE / "device" / "kernel_factory.py"
+SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path not in (OWN_FILE, PACKAGE / "kernels" / "trace.py")]
+
+
+def make_weight(names: tuple[str, ...]) -> Callable[[], float]:
+    """A device function with static values that depend on a loop's variable, as the table of strategies has them."""
+    count = len(names)
+
+    @wp.func
+    def weight() -> float:
+        total = float(0.0)  # noqa: UP018  # so Warp declares a variable
+        for i in range(wp.static(count)):
+            if wp.static(names[i] == "heavy"):
+                total += float(i + 1)
+        return total
+
+    return weight
+
+
+@kernel_factory
+def make_weigh(names: tuple[str, ...], offset: float = 0.0) -> KernelFunction:
+    weight = make_weight(names)
+
+    def weigh(out: wp.array(dtype=float)):  # type: ignore[valid-type, no-untyped-def]
+        out[wp.tid()] = weight() + wp.static(offset)
+
+    return weigh
+
+
+def test_kernels_that_differ_in_a_static_value_of_a_loop_are_two() -> None:
+    """Warp by itself gives both one name, and the second one silently runs the code of the first."""
+    results = []
+    for names in (("heavy", "light"), ("light", "heavy")):
+        out = wp.zeros(1, dtype=float, device="cpu")
+        wp.launch(make_weigh(names), dim=1, inputs=[out], device="cpu")
+        results.append(float(out.numpy()[0]))
+    assert results == [1.0, 2.0]
+
+
+def test_equal_arguments_give_one_kernel_however_they_are_given() -> None:
+    names = ("heavy",)
+    assert make_weigh(names) is make_weigh(names=names) is make_weigh(names, offset=0.0)
+    assert make_weigh(names, 1.0) is not make_weigh(names)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_kernels_come_from_the_factory_alone(path: Path) -> None:
+    """No file uses Warp's own decorator, and ours for kernels that are not specialised stands at a module's top."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top = {
+        id(decorator) for node in tree.body if isinstance(node, ast.FunctionDef) for decorator in node.decorator_list
+    }
+    for node in ast.walk(tree):
+        where = f"{path}:{getattr(node, 'lineno', 0)}"
+        if isinstance(node, ast.ImportFrom) and node.module == "warp":
+            raise AssertionError(f"{where}: import warp as wp")
+        if isinstance(node, ast.Name) and node.id == "device_kernel":
+            assert id(node) in top, f"{where}: a kernel within a function needs kernel_factory"
+        if isinstance(node, ast.Call | ast.FunctionDef):
+            names = [node.func] if isinstance(node, ast.Call) else node.decorator_list
+            assert "wp.kernel" not in map(ast.unparse, names), f"{where}: use kernel_factory or device_kernel"
+
+
+def factories() -> Iterator[tuple[str, Callable[..., wp.Kernel]]]:
+    """All functions of the package that `kernel_factory` decorates."""
+    for path in SOURCES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and "kernel_factory" in map(ast.unparse, node.decorator_list):
+                module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+                yield node.name, getattr(importlib.import_module(module), node.name)
+
+
+PAIRS = Layout(2, METHODS["auto"].statistics)
+THREE, FOUR = (Layout(count, METHODS["cost-aware"].statistics) for count in (3, 4))
+
+# Arguments that differ as little as they can.
+DIFFERING: dict[str, list[tuple[Any, ...]]] = {
+    "make_identify": [(Features(),), (Features(opacity=True),)],
+    "make_relative": [(THREE,), (FOUR,), (PAIRS,)],
+    "make_row_sums": [(THREE,), (FOUR,), (PAIRS,)],
+    "make_pool": [(THREE,), (FOUR,), (PAIRS,)],
+    "make_candidates": [(PAIRS, True, True), (PAIRS, True, False), (PAIRS, False, False)],
+    "make_expectation": [(Layout(count, ("posterior",)),) for count in (2, 3)],
+    "make_newton_seed": [(Layout(2),), (Layout(3),)],
+    "make_newton_share": [(Layout(2),), (Layout(2, ("mean",)),)],
+    "make_newton_simplex": [(THREE,), (FOUR,)],
+    "make_whole_samples": [(2,), (3,)],
+}
+
+
+@pytest.mark.parametrize("name", DIFFERING)
+def test_other_arguments_give_another_module(name: str) -> None:
+    factory = dict(factories())[name]
+    kernels = [factory(*arguments) for arguments in DIFFERING[name]]
+    for mine, other in combinations(kernels, 2):
+        assert mine.key != other.key and mine.module.name != other.module.name
+    assert all(factory(*arguments) is kernel for arguments, kernel in zip(DIFFERING[name], kernels, strict=True))
+
+
+def test_no_factory_is_left_out() -> None:
+    assert {name for name, _ in factories()} == set(DIFFERING)
