@@ -40,8 +40,12 @@ def placed_box(surface: Surface, matrices: FloatArray) -> Bounds:
     used = np.zeros(len(surface.points), bool)
     used[surface.triangles] = True
     points = surface.points[used]
-    ends = np.stack([points.min(axis=0), points.max(axis=0)])
-    corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
+    return placed_corners(np.stack([points.min(axis=0), points.max(axis=0)]), matrices)
+
+
+def placed_corners(box: FloatArray, matrices: FloatArray) -> Bounds:
+    """Smallest and largest corner of a box, shape (2, 3), at all its places; matrices shape (k, 4, 4)."""
+    corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(8, 3)
     placed = corners @ matrices[:, :3, :3] + matrices[:, None, 3, :3]
     return placed.min(axis=(0, 1)), placed.max(axis=(0, 1))
 

@@ -31,6 +31,7 @@ class Reading:
         time: the numeric Usd.TimeCode at which every attribute is read.
         purposes: the purposes that are rendered, "default" among them.
         levels: how many times subdivision surfaces are refined.
+        extent: how large the stage is (an extent.StageExtent); None until its prims have been placed.
         warnings: what was found but not honoured.
         notes: what was supplied because the stage has none.
     """
@@ -39,6 +40,7 @@ class Reading:
     time: Any
     purposes: frozenset[str]
     levels: int
+    extent: Any = None
     warnings: Messages = field(default_factory=Messages)
     notes: Messages = field(default_factory=Messages)
 

@@ -15,6 +15,7 @@ from pxr import Usd, UsdGeom, UsdLux
 from warpmis.errors import ConfigError, StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import light_boxes, read_camera
+from warpmis.usd.extent import StageExtent
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.lights.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.lights.light_linking import linked_lights, linked_prims
@@ -119,10 +120,12 @@ def load_stage(
 
 
 def _read_scene(reading: Reading, settings: Settings, camera: str | None, width: int | None) -> Scene:
-    contents = _read_contents(reading, settings, np.zeros(3))
+    placed = list(placements(reading))
+    reading = replace(reading, extent=StageExtent(placed, reading.time))
+    contents = _read_contents(placed, reading, settings, np.zeros(3))
     origin = scene_origin([*contents.boxes, *light_boxes(contents.lights)])
     if origin.any():
-        contents = _read_contents(reading, settings, origin)
+        contents = _read_contents(placed, reading, settings, origin)
     materials = tuple(contents.materials.materials)
     geometry, prototypes = contents.geometry.build(materials)
     name = Path(reading.stage.GetRootLayer().GetDisplayName()).name
@@ -150,9 +153,11 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     )
 
 
-def _read_contents(reading: Reading, settings: Settings, origin: NDArray[np.float64]) -> StageContents:
+def _read_contents(
+    placed: list[Placement], reading: Reading, settings: Settings, origin: NDArray[np.float64]
+) -> StageContents:
     contents = StageContents(reading, settings.material_purposes, origin)
-    for placement in placements(reading):
+    for placement in placed:
         try:
             contents.add(placement)
         except PxrError as error:
@@ -195,7 +200,7 @@ class StageContents:
 
     def _add_gprim(self, placement: Placement) -> None:
         prim = placement.prim
-        surface = self._surface(prim)
+        surface = self._surface(prim, placement.matrices)
         if surface is None or not len(surface.triangles):
             return
         double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
@@ -209,13 +214,13 @@ class StageContents:
         is_shared = bool(prim.IsInstanceProxy())
         self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices, is_shared)
 
-    def _surface(self, prim: Any) -> Surface | None:
+    def _surface(self, prim: Any, matrices: NDArray[np.float64]) -> Surface | None:
         """The gprim's triangles; those of a native instance are read once for all instances."""
         if not prim.IsInstanceProxy():
-            return read_surface(prim, self.reading)
+            return read_surface(prim, matrices, self.reading)
         source = prim.GetPrimInPrototype().GetPath()
         if source not in self.surfaces:
-            self.surfaces[source] = read_surface(prim, self.reading)
+            self.surfaces[source] = read_surface(prim, matrices, self.reading)
         return self.surfaces[source]
 
     def _place(
@@ -243,14 +248,18 @@ class StageContents:
                 self.lights.append(light)
 
 
-def read_surface(prim: Any, reading: Reading) -> Surface | None:
-    """The triangles of a gprim in its own space; None, with a warning, for a type that is not supported."""
+def read_surface(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> Surface | None:
+    """The triangles of a gprim in its own space; None, with a warning, for a type that is not supported.
+
+    Args:
+        matrices: local to world, shape (k, 4, 4).
+    """
     if prim.IsA(UsdGeom.Mesh):
         return read_mesh(prim, reading)
     if prim.IsA(UsdGeom.BasisCurves):
-        return read_curves(prim, reading)
+        return read_curves(prim, matrices, reading)
     if prim.IsA(UsdGeom.Points):
-        return read_points(prim, reading)
+        return read_points(prim, matrices, reading)
     type_name = str(prim.GetTypeName())
     if is_primitive(type_name):
         return read_primitive(prim, reading)

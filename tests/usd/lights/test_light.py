@@ -149,6 +149,38 @@ def test_point_light_keeps_the_power_of_the_small_sphere():
     np.testing.assert_allclose(only(light("SphereLight", zero)).radiance, 2.0)
 
 
+@pytest.mark.parametrize(
+    ("attributes", "intensity"),
+    [
+        ("bool treatAsPoint = 1", 2.0),
+        ("bool treatAsPoint = 1\nfloat inputs:exposure = 1", 4.0),
+        ("bool inputs:normalize = 1", 2.0),
+        ("bool treatAsPoint = 1\nbool inputs:normalize = 1", 2.0),
+    ],
+)
+def test_sphere_of_radius_0_is_a_point_of_its_intensity(attributes, intensity):
+    """The limit of normalised spheres of intensity 8: power 2 pi 8 / 2, thus 8 / 4 in every direction."""
+    found = only(light("SphereLight", f"float inputs:intensity = 8\nfloat inputs:radius = 0\n{attributes}"))
+    assert found.radius == 0
+    np.testing.assert_allclose(found.radiance, intensity)
+
+
+@pytest.mark.parametrize("attribute", ["bool treatAsLine = 1", "bool inputs:normalize = 1"])
+def test_cylinder_of_radius_0_is_a_line_of_its_intensity(attribute):
+    """Its radiance times its area is what that of any normalised cylinder is, its intensity."""
+    found = only(light("CylinderLight", f"float inputs:intensity = 8\nfloat inputs:radius = 0\n{attribute}"))
+    length = 2.0 * np.linalg.norm(found.half_axis)
+    assert length == pytest.approx(1.0)
+    assert 0.0 < found.radius < 0.01
+    np.testing.assert_allclose(found.radiance * 2.0 * math.pi * found.radius * length, 8.0, rtol=1e-6)
+
+
+def test_sphere_of_radius_0_that_is_neither_a_point_nor_normalised_is_left_out():
+    scene = load(light("SphereLight", "float inputs:radius = 0") + CUBE)
+    assert scene.lights == ()
+    assert mentions(scene, "/L", "area is zero")
+
+
 def test_distant_light_points_back_along_its_z_axis():
     found = only(light("DistantLight", "float inputs:intensity = 2\nfloat inputs:angle = 10", "(1, 1, 4)"))
     assert isinstance(found, DistantLight)

@@ -252,7 +252,6 @@ BROKEN = {
     "nan": (curves(np.where(np.arange(7)[:, None] == 5, np.nan, CONTROL), [2, 2, 3], "linear"),
             ("1 curves left out", "not finite"), 2),
     "widths": (curves(CONTROL[:4], more="float[] widths = [1, 2, 3]"), ("3 vertex widths left out: 4",), 1),
-    "no widths": (curves(CONTROL[:4], more=""), ("no widths", "1 is used"), 1),
 }  # fmt: skip
 
 

@@ -46,7 +46,6 @@ def test_what_cannot_be_shown_is_left_out():
     scene = load(text)
     assert len(scene.geometry.triangles) == 320
     assert mentions(scene, "/P", "1 points left out")
-    assert mentions(load(points("[(0, 0, 0)]", "")), "/P", "no widths", "1 is used")
 
 
 def test_many_points_are_rendered_in_less_detail(monkeypatch):

@@ -40,6 +40,10 @@ SIMILARITY_TOLERANCE = 1e-5
 # Above this the products of radiance with weights and densities overflow float32.
 MAX_RADIANCE = 1e30
 
+# A line is rendered as a cylinder that is so thick, as a share of its length; its power is that of its intensity over
+# its area, whatever the radius.
+LINE_RADIUS = 1e-3
+
 # DomeLight_1 with a Z pole: latitude 0, longitude 0 (+Z of the dome's frame) looks along -Y, the pole (+Y) along +Z.
 Z_POLE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
@@ -184,7 +188,7 @@ def _disk(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Li
 
 def _sphere(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | EmissiveSurface | None:
     radius = abs(reading.number(prim, "inputs:radius", 0.5))
-    if reading.get(prim.GetAttribute("treatAsPoint"), False):
+    if reading.get(prim.GetAttribute("treatAsPoint"), False) or (radius == 0.0 and emission.normalize):
         return _point(matrix, radius, emission, reading)
     scale = uniform_scale(matrix[:3, :3])
     area = sphere_area(matrix[:3, :3], radius, scale)
@@ -198,19 +202,22 @@ def _sphere(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> 
 def _point(matrix: Vector, radius: float, emission: Emission, reading: Reading) -> Light | None:
     """A sphere as a point: its radiant intensity is its radiance times its mean projected area, a quarter of its area.
 
-    With normalize that is a quarter of the light's intensity, whatever the radius, 0 included.
+    With normalize that is a quarter of the light's intensity, whatever the radius. A radius of 0 means the same: there
+    is no area to multiply by, and exporters write it for lights that are points in their program.
     """
-    area = sphere_area(matrix[:3, :3], radius, uniform_scale(matrix[:3, :3]))
-    if not _has_place(emission.path, [matrix, radius], 1.0 if emission.normalize else area, reading):
+    sized = radius > 0.0 and not emission.normalize
+    area = ellipsoid_area(matrix[:3, :3], radius) if sized else 1.0
+    if not _has_place(emission.path, [matrix, radius], area, reading):
         return None
-    intensity = emission.radiance / 4.0 if emission.normalize else emission.radiance * area / 4.0
-    return SphereLight(emission.path, matrix[3, :3].copy(), 0.0, intensity)
+    return SphereLight(emission.path, matrix[3, :3].copy(), 0.0, emission.radiance * area / 4.0)
 
 
 def _cylinder(prim: Any, matrix: Vector, emission: Emission, reading: Reading) -> Light | EmissiveSurface | None:
     length = abs(reading.number(prim, "inputs:length", 1.0))
     radius = abs(reading.number(prim, "inputs:radius", 0.5))
     linear = matrix[:3, :3]
+    if radius == 0.0 and (emission.normalize or reading.get(prim.GetAttribute("treatAsLine"), False)):
+        emission, radius = replace(emission, normalize=True), length * LINE_RADIUS
     area = cylinder_area(linear, length, radius)
     if not _has_place(emission.path, [matrix, length, radius], area, reading):
         return None

@@ -13,6 +13,7 @@ from warpmis.usd.authored import Authored, read_authored
 from warpmis.usd.reading import Reading, consistent_counts
 from warpmis.usd.shapes.curve_segments import BASES, Segments, cut
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface, reversed_surface
+from warpmis.usd.shapes.thin_widths import thin_widths
 from warpmis.usd.shapes.transported_normals import transported_normals, unit
 
 BoolArray = NDArray[np.bool_]
@@ -49,8 +50,12 @@ class Samples:
     following: IntArray
 
 
-def read_curves(prim: Any, reading: Reading) -> Surface | None:
-    """The triangles of a UsdGeomBasisCurves in its own space, its curves being their faces; None without any."""
+def read_curves(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | None:
+    """The triangles of a UsdGeomBasisCurves in its own space, its curves being their faces; None without any.
+
+    Args:
+        matrices: local to world, shape (k, 4, 4).
+    """
     curves = UsdGeom.BasisCurves(prim)
     points = reading.vectors(curves.GetPointsAttr())
     counts = reading.indices(curves.GetCurveVertexCountsAttr())
@@ -69,7 +74,7 @@ def read_curves(prim: Any, reading: Reading) -> Surface | None:
     widths = read_authored(prim, "widths", str(curves.GetWidthsInterpolation()), segments.elements, reading)
     normals = read_authored(prim, "normals", str(curves.GetNormalsInterpolation()), segments.elements, reading)
     if widths is None:
-        reading.warn(prim.GetPath(), "it has no widths; 1 is used")
+        widths = thin_widths(prim, points, matrices, reading)
     pieces, sides = _detail(prim, segments, normals, reading)
     samples = _sampled(segments, points, widths, normals, pieces)
     surface = _tubes(samples, sides) if samples.normals is None else _ribbons(samples, samples.normals)
@@ -105,7 +110,7 @@ def _detail(prim: Any, segments: Segments, normals: Authored | None, reading: Re
 
 
 def _sampled(
-    segments: Segments, points: FloatArray, widths: Authored | None, normals: Authored | None, pieces: int
+    segments: Segments, points: FloatArray, widths: Authored, normals: Authored | None, pieces: int
 ) -> Samples:
     """Every segment's ends and the points between its pieces, where two that join smoothly share the one between."""
     t = np.linspace(0.0, 1.0, pieces + 1)
@@ -125,7 +130,7 @@ def _sampled(
     return Samples(
         positions=positions[kept],
         tangents=tangents[kept],
-        widths=_along(segments, widths, t)[kept][:, 0] if widths else np.ones(len(curve)),
+        widths=_along(segments, widths, t)[kept][:, 0],
         normals=_along(segments, normals, t)[kept] if normals else None,
         curve=curve,
         first=first,

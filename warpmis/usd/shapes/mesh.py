@@ -13,6 +13,11 @@ from warpmis.usd.shapes.polygons import Polygons, triangulate
 from warpmis.usd.shapes.refined_mesh import RefinedMesh, refined_mesh
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface, flat_surface
 
+REFINED_NOTE = (
+    "it has normals but no subdivisionScheme: by the schema it is a catmullClark surface, and its normals are not used; "
+    'author subdivisionScheme = "none" for polygons'
+)
+
 
 def read_mesh(prim: Any, reading: Reading) -> Surface | None:
     """The triangles of a UsdGeomMesh in its own space, or None where nothing of it can be rendered.
@@ -25,6 +30,8 @@ def read_mesh(prim: Any, reading: Reading) -> Surface | None:
     if not authored.usable.any():
         return None
     scheme = str(reading.get(mesh.GetSubdivisionSchemeAttr(), "catmullClark"))
+    if not mesh.GetSubdivisionSchemeAttr().HasAuthoredValue() and _authors_normals(mesh):
+        reading.note(REFINED_NOTE, prim.GetPath())
     refined = refined_mesh(mesh, authored, scheme, _holes(mesh, authored, reading), reading)
     polygons = refined.polygons
     corners, polygon = triangulate(polygons)
@@ -42,6 +49,11 @@ def read_mesh(prim: Any, reading: Reading) -> Surface | None:
     if normals is None:
         return flat_surface(polygons.points, triangles, faces, corners, refined)
     return Surface(polygons.points, triangles, faces, normals[0], normals[1][corners], corners, refined)
+
+
+def _authors_normals(mesh: Any) -> bool:
+    primvar = UsdGeom.PrimvarsAPI(mesh.GetPrim()).GetPrimvar("normals")
+    return bool(mesh.GetNormalsAttr().HasAuthoredValue() or (primvar and primvar.HasAuthoredValue()))
 
 
 def _read_polygons(mesh: Any, reading: Reading) -> Polygons:

@@ -12,13 +12,18 @@ from warpmis.usd.reading import Reading
 from warpmis.usd.shapes.subdiv.masks import LINEAR_TRIANGLES
 from warpmis.usd.shapes.subdiv.topology import edge_table
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
+from warpmis.usd.shapes.thin_widths import thin_widths
 
 # Points are rendered as icosahedra refined as often as subdivision surfaces, but not beyond this.
 MAX_TRIANGLES = 1 << 22
 
 
-def read_points(prim: Any, reading: Reading) -> Surface | None:
-    """A sphere for each point of a UsdGeomPoints, in its own space, the points being its faces; None without any."""
+def read_points(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | None:
+    """A sphere for each point of a UsdGeomPoints, in its own space, the points being its faces; None without any.
+
+    Args:
+        matrices: local to world, shape (k, 4, 4).
+    """
     schema = UsdGeom.Points(prim)
     points = reading.vectors(schema.GetPointsAttr())
     if not len(points):
@@ -26,8 +31,8 @@ def read_points(prim: Any, reading: Reading) -> Surface | None:
     elements = {"constant": 1, "uniform": 1} | dict.fromkeys(("varying", "vertex", "faceVarying"), len(points))
     widths = read_authored(prim, "widths", str(schema.GetWidthsInterpolation()), elements, reading)
     if widths is None:
-        reading.warn(prim.GetPath(), "it has no widths; 1 is used")
-    diameters = np.broadcast_to(np.ones((1, 1)) if widths is None else widths.flattened, (len(points), 1))
+        widths = thin_widths(prim, points, matrices, reading)
+    diameters = np.broadcast_to(widths.flattened, (len(points), 1))
     sound = np.isfinite(points).all(axis=1) & np.isfinite(diameters[:, 0])
     if not sound.all():
         reading.warn(prim.GetPath(), f"{int((~sound).sum())} points left out: they or their widths are not finite")
