@@ -15,16 +15,16 @@ class Method:
 
     Attributes:
         summary: what it does, for --help.
-        solver: what turns moments into an allocation, a module of learn/; "" where nothing is learned.
+        solver: what turns moments into an allocation, a row of learn/solvers.py; "" where nothing is learned.
+        statistics: what the trace kernel adds up beside the moments (kernels/moments.py), for the solver.
         direct_only: the moments are of the light that comes straight from the lights, as before Murray et al.
         two_strategies: published for two strategies alone.
         min_share, max_share: bounds of a share for two strategies; learn/ says what becomes of them for more.
         rounds: number of learn rounds where the method fixes it.
         keeps: the moments of all rounds are used, not those of the last one alone.
-        pool_radius: the moments of pixels so far to each side are pooled; 0 is the pixel's own.
+        pool_radius: the solver gets moments relative to a pixel's brightness, pooled over the pixels so far to each
+            side; 0 is the pixel's own; None: it gets the pixel's sums.
         cost_aware: variance x cost is minimised, not variance alone.
-        next_event: learning begins with next-event estimation, and a pixel goes on with it where no mixture promises
-            less variance x cost.
         learn_share: share of the budget that is spent on learning unless the caller says otherwise.
         max_rounds: most learn rounds that the budget may be divided into.
         learn_stride: one pixel of each cell of so many by so many takes the learning samples, and all of the cell the
@@ -33,15 +33,15 @@ class Method:
 
     summary: str
     solver: str = ""
+    statistics: tuple[str, ...] = ()
     direct_only: bool = False
     two_strategies: bool = False
     min_share: float = 0.1
     max_share: float = 0.9
     rounds: int | None = None
     keeps: bool = False
-    pool_radius: int = 0
+    pool_radius: int | None = None
     cost_aware: bool = False
-    next_event: bool = False
     learn_share: float = 0.5
     max_rounds: int = 8
     learn_stride: int = 1
@@ -51,16 +51,10 @@ class Method:
         return bool(self.solver)
 
     @property
-    def statistics(self) -> tuple[str, ...]:
-        """What the trace kernel adds up beside the moments (kernels/moments.py)."""
-        wanted = {
-            "mean": self.solver in ("newton_simplex", "candidates"),
-            "posterior": self.solver == "expectation",
-            "candidates": self.solver == "candidates",
-            "cost": self.solver == "newton_simplex" and self.cost_aware,
-            "pair": self.next_event,
-        }
-        return tuple(name for name, on in wanted.items() if on)
+    def next_event(self) -> bool:
+        """Whether learning begins with next-event estimation, and a pixel goes on with it where no mixture promises
+        less variance x cost."""
+        return "pair" in self.statistics
 
 
 METHODS: dict[str, Method] = {
@@ -83,14 +77,22 @@ METHODS: dict[str, Method] = {
     "murray20": Method(summary="all light, Newton steps, as published", solver="newton_seed"),
     "accumulated": Method(
         summary="the best of nine shares by the samples of all rounds",
-        solver="candidates",
+        solver="best_candidate",
+        statistics=("mean", "candidates"),
         two_strategies=True,
         keeps=True,
+        pool_radius=0,
     ),
-    "kl-em": Method(summary="expectation maximisation on the samples of all rounds", solver="expectation", keeps=True),
+    "kl-em": Method(
+        summary="expectation maximisation on the samples of all rounds",
+        solver="expectation",
+        statistics=("posterior",),
+        keeps=True,
+    ),
     "pooled": Method(
         summary="Newton on the samples of neighbouring pixels",
         solver="newton_simplex",
+        statistics=("mean",),
         keeps=True,
         pool_radius=4,
         learn_share=0.125,
@@ -99,6 +101,7 @@ METHODS: dict[str, Method] = {
     "cost-aware": Method(
         summary="pooled, minimising variance x cost",
         solver="newton_simplex",
+        statistics=("mean", "cost"),
         keeps=True,
         pool_radius=4,
         cost_aware=True,
@@ -107,12 +110,12 @@ METHODS: dict[str, Method] = {
     ),
     "auto": Method(
         summary="the best of nine shares and nee by variance x cost, pooled",
-        solver="candidates",
+        solver="best_candidate",
+        statistics=("mean", "candidates", "pair"),
         two_strategies=True,
         keeps=True,
         pool_radius=4,
         cost_aware=True,
-        next_event=True,
         learn_share=0.125,
         max_rounds=1,
         learn_stride=2,

@@ -1,8 +1,7 @@
-"""The host half of pooling: one render's buffers, and the passes over rows and columns."""
+"""The host half of learn/pooling.py: one render's buffers, and the passes over rows and columns."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,7 @@ import warp as wp
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
 from warpmis.learn.pooling import FLOOR, PRIOR, Guide, make_pool, make_relative, make_row_sums
-
-# Runs a kernel over all pixels: its first argument is the first pixel of a launch, these are the others.
-Launch = Callable[[wp.Kernel, list[Any]], None]
+from warpmis.learn.solver import Launch
 
 
 class Neighbours:
@@ -29,7 +26,7 @@ class Neighbours:
         self.relative, self.row_sums, self.pool_line = make_relative(layout), make_row_sums(layout), make_pool(layout)
         pixels = self.width * self.height
         self.guides = wp.zeros(pixels, dtype=Guide, device=device)
-        self.pooled, self.of_rows = (wp.zeros(pixels, dtype=layout.relative_vec, device=device) for _ in range(2))
+        self.pooled, self.row_pooled = (wp.zeros(pixels, dtype=layout.relative_vec, device=device) for _ in range(2))
         self.weights, self.row_weights = (wp.zeros(pixels, dtype=wp.float32, device=device) for _ in range(2))
         self.sums = wp.zeros(self.height, dtype=layout.relative_vec, device=device)
         self.counts = wp.zeros(self.height, dtype=wp.float32, device=device)
@@ -38,18 +35,24 @@ class Neighbours:
     def kernels(self) -> list[wp.Kernel]:
         return [self.relative, self.row_sums, self.pool_line]
 
-    def pool(self, moments: wp.array, film: FilmView, launch: Launch) -> None:
-        """Fill `pooled`; `film` holds the samples of the moments."""
+    @property
+    def buffers(self) -> list[wp.array]:
+        lines = [self.sums, self.counts]
+        return [self.guides, self.pooled, self.weights, self.row_pooled, self.row_weights, *lines]
+
+    def pool(self, moments: wp.array, film: FilmView, launch: Launch) -> wp.array:
+        """Fill `pooled`, and return it; `film` holds the samples of the moments."""
         total = moments.numpy()[:, self.layout.offset("mean")]
         usable = total[np.isfinite(total)]
         floor = FLOOR * float(usable.sum()) / max(int(film.accepted.numpy().sum()), 1)
         size = [self.width, self.height]
-        own, rows = [self.pooled, self.weights], [self.of_rows, self.row_weights]
+        own, rows = [self.pooled, self.weights], [self.row_pooled, self.row_weights]
         launch(self.relative, [moments, film, *size, floor, *own, self.guides])
         prior = self._prior(film)
         line = [self.guides, *size, self.radius]
         launch(self.pool_line, [*own, *line, 1, self.layout.relative_vec(), 0.0, *rows])
         launch(self.pool_line, [*rows, *line, 0, *prior, *own])
+        return self.pooled
 
     def _prior(self, film: FilmView) -> tuple[Any, float]:
         """The picture's mean relative moments, and how many pixels' samples they count for.

@@ -293,7 +293,7 @@ class Integrator:
         """One step of the method's solver from the moments of the rounds so far, and shares for the round to come."""
         self.learner.step(self.learned, self.learn_film, self._launch_solver)
         samples = lattice_length(following.samples) if following else 0
-        self.learner.make_whole(self.learned, samples, self._launch_solver)
+        self.learner.round_to_samples(self.learned, samples, self._launch_solver)
         if self.stride > 1:
             shares = self._learned_map()
             # Those of the pilot go on with what they have begun with: their own samples must not decide.

@@ -1,0 +1,37 @@
+"""The table of solvers. Each row of methods.py that learns names one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from warpmis.learn.best_candidate import BestCandidate
+from warpmis.learn.expectation import make_expectation
+from warpmis.learn.newton_seed import make_newton_seed
+from warpmis.learn.newton_share import make_newton_share
+from warpmis.learn.newton_simplex import make_newton_simplex
+from warpmis.learn.solver import KernelSolver, Problem, Solver
+
+
+def newton_share(problem: Problem) -> Solver:
+    return KernelSolver(make_newton_share(problem.layout), (problem.method.min_share, problem.method.max_share))
+
+
+def newton_seed(problem: Problem) -> Solver:
+    return KernelSolver(make_newton_seed(problem.layout), (problem.method.min_share, problem.method.max_share))
+
+
+def newton_simplex(problem: Problem) -> Solver:
+    return KernelSolver(make_newton_simplex(problem.layout), (problem.min_share,))
+
+
+def expectation(problem: Problem) -> Solver:
+    return KernelSolver(make_expectation(problem.layout), (problem.min_share,))
+
+
+SOLVERS: dict[str, Callable[[Problem], Solver]] = {
+    "newton_share": newton_share,
+    "newton_seed": newton_seed,
+    "newton_simplex": newton_simplex,
+    "expectation": expectation,
+    "best_candidate": BestCandidate,
+}
