@@ -14,8 +14,8 @@ from warpmis.usd.shapes.refined_mesh import RefinedMesh, refined_mesh
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface, flat_surface
 
 REFINED_NOTE = (
-    "it has normals but no subdivisionScheme: by the schema it is a catmullClark surface, and its normals are not used; "
-    'author subdivisionScheme = "none" for polygons'
+    "it has normals but no subdivisionScheme: by the schema it is a catmullClark surface, and its normals are "
+    'not used; author subdivisionScheme = "none" for polygons'
 )
 
 
