@@ -32,7 +32,7 @@ def thickness(scene) -> float:
     return 2.0 * float(np.linalg.norm(scene.geometry.points[used.ravel()][:, [0, 2]], axis=1).max())
 
 
-@pytest.mark.parametrize("more", ["", "float[] widths = [1, 2, 3]", "string[] widths = [\"thick\"]"])
+@pytest.mark.parametrize("more", ["", "float[] widths = [1, 2, 3]", 'string[] widths = ["thick"]'])
 def test_hair_is_a_hundredth_of_its_own_length_in_a_large_scene(more):
     scene = load(STICK.format(length=2, more=more) + cube(100))
     check_invariants(scene)
