@@ -10,7 +10,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-import warpmis.kernels.path as path_module
 from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.device.views import CameraView, SceneView
@@ -18,7 +17,7 @@ from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.intersect import make_intersect
-from warpmis.kernels.path import make_path
+from warpmis.kernels.path.li import make_path
 from warpmis.scene import Scene
 from warpmis.scene.features import Features, detect
 
@@ -70,14 +69,9 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
     view.dome.marginal = wp.zeros(1, dtype=float, device="cpu")
     view.dome.picture = wp.zeros((capacity, 2), dtype=wp.vec3, device="cpu")
     view.dome.conditional = wp.zeros((capacity, 1), dtype=float, device="cpu")
-    # Warp looks the names up when it compiles, so the recording function must stand in until the kernel has run.
-    path_module.make_intersect = recording_intersect
-    try:
-        pixels = uploaded.camera.width * uploaded.camera.height
-        run = recording_kernel(detect(scene).with_sampler("independent"))
-        wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
-    finally:
-        path_module.make_intersect = make_intersect
+    pixels = uploaded.camera.width * uploaded.camera.height
+    run = recording_kernel(detect(scene).with_sampler("independent"))
+    wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
     count = int(view.dome.marginal.numpy()[0])
     if count > capacity:
         raise SystemExit(f"{count} rays do not fit into {capacity}; record fewer pixels or samples")
@@ -86,7 +80,7 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
 
 
 def recording_kernel(features: Features) -> wp.Kernel:
-    path = make_path(features)
+    path = make_path(features, recording_intersect(features))
     camera_ray = make_camera(features)
     Li = path.Li
     vec_s = path.strategies.vec_s
@@ -101,7 +95,7 @@ def recording_kernel(features: Features) -> wp.Kernel:
             u = rng.uniform4(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u[0], u[1])
             u_choice = rng.uniform4(key, rng.CHOICE)[0]
-            Li(scene, ray.origin, ray.direction, ray.reach, key, vec_s(), u_choice, max_depth)
+            Li(scene, ray, key, vec_s(), u_choice, max_depth)
 
     return run
 

@@ -325,7 +325,7 @@ LIGHT_CASES = [
     HardCase(
         "point-light-on-the-floor",
         trouble="1 / d^2 of a distance of 0",
-        remedy="the falloff is bounded, and the cosine is 0 there (kernels/path.py: delta_light)",
+        remedy="the falloff is bounded, and the cosine is 0 there (kernels/light/delta_light.py)",
         build=lit(
             light(
                 "SphereLight", at=(0.3, 0, 0), radius=0.0, intensity=5.0, normalize=True, more="bool treatAsPoint = 1"

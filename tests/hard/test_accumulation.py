@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from usd.stages import stage_of
 
 import warpmis
-from warpmis.kernels.trace import merged, widened
+from warpmis.kernels.accumulation import add_value, merge_spreads
 
 SAMPLES = 4_000_000
 ROUNDS = (1, 2, 999, 98_998, 1_300_000, 2_600_000)
@@ -32,12 +32,12 @@ def accumulate(
     sums = wp.vec2d()
     for k in range(count):
         y = wp.float64(samples[pixel, first + k])
-        spread = widened(spread, k, y)
+        spread = add_value(spread, k, y)
         sums += wp.vec2d(y, y * y)
     if naive != 0:
         mean = sums[0] / wp.float64(count)
         spread = wp.vec2d(mean, sums[1] - sums[0] * mean)
-    film[pixel] = merged(film[pixel], accepted[pixel], spread, count)
+    film[pixel] = merge_spreads(film[pixel], accepted[pixel], spread, count)
     accepted[pixel] = accepted[pixel] + count
 
 

@@ -21,6 +21,7 @@ from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.table import make_lights
+from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import frame_from_normal, to_local
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene import Material, Scene
@@ -64,28 +65,29 @@ def draw(
     key = rng.RngKey()
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
-    u_light = rng.uniform4_of_step(key, 0, rng.LIGHT)
-    u_scatter = rng.uniform4_of_step(key, 0, rng.SCATTER)
+    vertex = Vertex()
+    vertex.u_light = rng.uniform4_of_step(key, 0, rng.LIGHT)
+    vertex.u_bsdf = rng.uniform4_of_step(key, 0, rng.SCATTER)
     d = Drawn()
     d.strategy = strategy
     if strategy == MIXTURE:
-        # As the path does it: what is left of the number that chose the strategy chooses the light and the lobe.
+        # As the path does it: the number that chose the strategy, remapped, chooses the light and the lobe.
         u_strategy = rng.uniform4(key, rng.CAMERA)[2]
         d.strategy = strategies.choose(allocation, u_strategy)
-        d.q = strategies.drawn_by(d.strategy, allocation)
-        u_light[0] = strategies.left_of(allocation, d.strategy, u_strategy)
-        u_scatter[0] = u_light[0]
-    r = lights.receiver(scene, x, n, u_light[0])
-    frame = frame_from_normal(n)
-    s = surface.prepare(scene.materials[2 * material], wo)
+        d.q = strategies.one_strategy_ratios(allocation, d.strategy)
+        vertex.u_light[0] = strategies.remapped(allocation, d.strategy, u_strategy)
+        vertex.u_bsdf[0] = vertex.u_light[0]
+    r = lights.receiver(scene, x, n, vertex.u_light[0])
+    vertex.frame = frame_from_normal(n)
+    vertex.surface = surface.prepare(scene.materials[2 * material], wo)
     if strategy != LOOK:
-        wis[i] = strategies.sample(scene, r, frame, s, d.strategy, u_scatter, u_light).wi
+        wis[i] = strategies.sample(scene, r, vertex, d.strategy).wi
     wi = wis[i]
-    local = to_local(frame, wi)
+    local = to_local(vertex.frame, wi)
     if local[2] > 0.0:
         # As the path does it: the vertex first, then what the ray meets, hidden lights included.
-        scattering = surface.evaluate(s, local)
-        p = strategies.vertex_densities(s, local[2], scattering)
+        scattering = surface.evaluate(vertex.surface, local)
+        p = strategies.vertex_densities(vertex.surface, local[2], scattering)
         ray = lights.gather(scene, r, wi, 0.0, INFINITE_DISTANCE, scattering.pdf_solid_angle)
         finite = ray.finite + lights.pdf_emitter_triangles(scene, r, wi)
         d.densities = strategies.completed(p, r, finite, ray.infinite)

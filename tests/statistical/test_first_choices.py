@@ -34,21 +34,21 @@ BLUE_LIGHT = np.array([0.0, 0.0, 1.0 / 0.0722])
 
 
 @wp.kernel(enable_backward=False)
-def choose_all(allocation: vec_s, steps: vec_lattice, chosen: wp.array(dtype=int), left: wp.array(dtype=float)):
+def choose_all(allocation: vec_s, steps: vec_lattice, chosen: wp.array(dtype=int), remapped: wp.array(dtype=float)):
     key = RngKey()
     key.sample = wp.uint32(wp.tid())
     key.lattice = steps
     u = choice(key)
     strategy = strategies.choose(allocation, u)
     chosen[wp.tid()] = strategy
-    left[wp.tid()] = strategies.left_of(allocation, strategy, u)
+    remapped[wp.tid()] = strategies.remapped(allocation, strategy, u)
 
 
 @pytest.mark.parametrize("shares", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
-def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tuple[float, ...]) -> None:
-    chosen, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
-    wp.launch(choose_all, SPP, [vec_s(*shares), vec_lattice(*lattice_steps(SPP)), chosen, left])
-    by, numbers = chosen.numpy(), left.numpy().astype(float)
+def test_the_remapped_number_is_equidistant_for_each_strategy(shares: tuple[float, ...]) -> None:
+    chosen, remapped = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
+    wp.launch(choose_all, SPP, [vec_s(*shares), vec_lattice(*lattice_steps(SPP)), chosen, remapped])
+    by, numbers = chosen.numpy(), remapped.numpy().astype(float)
     assert numbers.min() >= 0.0 and numbers.max() < 1.0
     whole = sum(shares) > 0.0
     for strategy, share in enumerate(shares) if whole else [(-1, 1.0)]:
@@ -59,7 +59,7 @@ def test_what_is_left_of_the_number_is_equidistant_for_each_strategy(shares: tup
 
 
 @wp.kernel(enable_backward=False)
-def choose_lobes(parts: wp.vec3, steps: vec_lattice, lobes: wp.array(dtype=int), left: wp.array(dtype=float)):
+def choose_lobes(parts: wp.vec3, steps: vec_lattice, lobes: wp.array(dtype=int), remapped: wp.array(dtype=float)):
     s = Surface()
     s.p_diffuse = parts[0]
     s.p_specular = parts[1]
@@ -69,14 +69,14 @@ def choose_lobes(parts: wp.vec3, steps: vec_lattice, lobes: wp.array(dtype=int),
     key.lattice = steps
     u = choice(key)
     lobes[wp.tid()] = wp.where(u < parts[0], 0, wp.where(u < parts[0] + parts[1], 1, 2))
-    left[wp.tid()] = surface.left_of(s, u)
+    remapped[wp.tid()] = surface.remapped(s, u)
 
 
 @pytest.mark.parametrize("parts", [(0.25, 0.5, 0.25), (0.0, 0.375, 0.625), (1.0, 0.0, 0.0), (0.75, 0.25, 0.0)])
-def test_what_is_left_of_the_number_is_equidistant_for_each_lobe(parts: tuple[float, ...]) -> None:
-    lobes, left = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
-    wp.launch(choose_lobes, SPP, [wp.vec3(*parts), vec_lattice(*lattice_steps(SPP)), lobes, left])
-    by, numbers = lobes.numpy(), left.numpy().astype(float)
+def test_the_remapped_number_is_equidistant_for_each_lobe(parts: tuple[float, ...]) -> None:
+    lobes, remapped = wp.zeros(SPP, dtype=int), wp.zeros(SPP, dtype=float)
+    wp.launch(choose_lobes, SPP, [wp.vec3(*parts), vec_lattice(*lattice_steps(SPP)), lobes, remapped])
+    by, numbers = lobes.numpy(), remapped.numpy().astype(float)
     assert numbers.min() >= 0.0 and numbers.max() < 1.0
     for lobe, part in enumerate(parts):
         own = np.sort(numbers[by == lobe])

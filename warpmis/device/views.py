@@ -11,6 +11,9 @@ DISTANT = 4
 DOME = 5
 MESH = 6
 
+# In place of a light's index.
+NO_LIGHT = -1
+
 # Kinds of delta light: no direction sampler can hit them, so they have a list of their own.
 DELTA_POINT = 0
 DELTA_DISTANT = 1
@@ -50,7 +53,7 @@ class TriangleView:
     """What a hit needs beside the position: one record a triangle.
 
     n: unit normal of its front, 0 where it has none; normals: rows of SceneView.normals, or -1 for a flat triangle;
-    light: index of the mesh light that the triangle belongs to, or -1.
+    light: index of the mesh light that the triangle belongs to, or NO_LIGHT.
     """
 
     n: wp.vec3
@@ -343,6 +346,36 @@ class CameraView:
     planes: wp.array(dtype=wp.vec4)
     width: int
     height: int
+
+
+# Steps of a lattice's coordinates from one point to the next, in units of 2^-32 (kernels/lattice.py).
+vec_lattice = wp.types.vector(length=9, dtype=wp.uint32)
+
+
+@wp.struct
+class RoundView:
+    """A round's numbers, or those of a piece of its samples: all that its launches have in common.
+
+    first_sample, end_sample: each pixel takes the samples from the one to before the other; seed, max_depth,
+    stratified: settings of the render (RenderConfig).
+    lattice_start: the sample at which the first lattice begins; lattice_length: points of each; lattice_steps: of all.
+    by_cells: a thread is for a cell of stride x stride pixels and traces the first of them. If not, it is for a pixel,
+    and the first of each cell has taken pilot_samples already.
+    direct_only: learn from the light that comes straight from the lights.
+    """
+
+    first_sample: int
+    end_sample: int
+    seed: wp.uint32
+    max_depth: int
+    stratified: bool
+    lattice_start: int
+    lattice_length: int
+    lattice_steps: vec_lattice
+    by_cells: bool
+    stride: int
+    pilot_samples: int
+    direct_only: bool
 
 
 @wp.struct

@@ -6,6 +6,8 @@ batches or machines.
 
 import warp as wp
 
+from warpmis.device.views import vec_lattice
+
 wp.set_module_options({"enable_backward": False})
 
 # Dimensions come in blocks of four numbers. The camera has the first block; every step of a path has BLOCKS of them.
@@ -22,10 +24,6 @@ LENS = wp.constant(-2)
 
 # The largest float32 below 1.
 ONE_MINUS_EPSILON = wp.constant(1.0 - 2.0**-24)
-
-
-# From one point of a lattice to the next, in units of 2^-32: what it stands for is told in kernels/lattice.py.
-vec_lattice = wp.types.vector(length=9, dtype=wp.uint32)
 
 
 @wp.struct

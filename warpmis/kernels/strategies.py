@@ -16,12 +16,15 @@ import warp as wp
 from warpmis.device.views import SceneView
 from warpmis.kernels.bsdf.surface import Scattering, Surface
 from warpmis.kernels.light.records import LightSample, Receiver
+from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
-from warpmis.kernels.shading_frame import Frame, to_world
+from warpmis.kernels.shading_frame import to_world
 from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere, square_to_uniform_hemisphere
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
+
+NO_STRATEGY = wp.constant(-1)
 
 
 def make_strategies(features: Features, surface: SimpleNamespace, lights: SimpleNamespace) -> SimpleNamespace:
@@ -37,29 +40,29 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
     @wp.func
     def choose(allocation: vec_s, u: float) -> int:
         """The strategy s with probability allocation[s]; never one of share 0."""
-        chosen = int(-1)
+        chosen = int(NO_STRATEGY)
         reached = float(0.0)
         for s in range(wp.static(count)):
-            if allocation[s] > 0.0 and (chosen < 0 or u >= reached):
+            if allocation[s] > 0.0 and (chosen == NO_STRATEGY or u >= reached):
                 chosen = s
             reached += allocation[s]
         return chosen
 
     @wp.func
-    def left_of(allocation: vec_s, strategy: int, u: float) -> float:
-        """Where within its strategy's share the number u lies that chose it: uniform in [0, 1) again, and as evenly
-        spread over the strategy's samples as u over all. u itself where there is no strategy (-1)."""
+    def remapped(allocation: vec_s, strategy: int, u: float) -> float:
+        """The number that chose the strategy, remapped from its share to [0, 1): as evenly spread over the strategy's
+        samples as u is over all."""
         reached = float(0.0)
-        left = u
+        within = float(u)
         for s in range(wp.static(count)):
             if s == strategy:
-                left = (u - reached) / allocation[s]
+                within = (u - reached) / allocation[s]
             reached += allocation[s]
-        return wp.clamp(left, 0.0, ONE_MINUS_EPSILON)
+        return wp.clamp(within, 0.0, ONE_MINUS_EPSILON)
 
     @wp.func
-    def drawn_by(strategy: int, allocation: vec_s) -> vec_s:
-        """1 / a_s for the strategy that drew, 0 for the others: its share of all samples on average."""
+    def one_strategy_ratios(allocation: vec_s, strategy: int) -> vec_s:
+        """p_s / p_a of a direction that no other strategy could draw: 1 / a_s for this one, 0 for the others."""
         q = vec_s()
         for s in range(wp.static(count)):
             if s == strategy:
@@ -94,30 +97,30 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return total
 
     @wp.func
-    def sample(
-        scene: SceneView, r: Receiver, frame: Frame, s: Surface, strategy: int, u: wp.vec4, v: wp.vec4
-    ) -> LightSample:
+    def sample(scene: SceneView, r: Receiver, vertex: wp.ref[Vertex], strategy: int) -> LightSample:
         """A world direction from one strategy, and the light that it was drawn towards, if any; wi is the zero vector
-        where there is none. v serves the lights, u the rest: u[0] and u[2], and for the BSDF's sampler u[1], which may
-        be what is left of u[0]."""
+        where there is none. Of vertex.u_bsdf the hemispheres take the first and the third number, the BSDF's sampler
+        the second as well, which may be the first one remapped."""
         drawn = LightSample()
         if total_of(r, strategy) > 0.0:
-            towards = lights_of(scene, r, strategy, v)
+            towards = lights_of(scene, r, strategy, vertex.u_light)
             if towards.pdf_solid_angle > 0.0:
                 drawn = towards
             return drawn
+        s = vertex.surface
+        u = vertex.u_bsdf
         u_lobe = wp.vec4(u[0], u[1], u[2], u[3])
         p_specular = s.p_specular + s.p_coat
         local = wp.vec3(0.0, 0.0, 0.0)
-        plain = int(1)
+        is_bsdf = bool(True)
         for i in range(wp.static(count)):
             if strategy == i:
                 if wp.static(names[i] == "uniform"):
                     local = square_to_uniform_hemisphere(u[0], u[2])
-                    plain = 0
+                    is_bsdf = False
                 if wp.static(names[i] == "cosine"):
                     local = square_to_cosine_hemisphere(u[0], u[2])
-                    plain = 0
+                    is_bsdf = False
                 # The BSDF's sampler chooses its lobe by u[0]: a lobe alone is a part of that number's range.
                 if wp.static(names[i] == "diffuse"):
                     if s.p_diffuse > 0.0:
@@ -126,11 +129,11 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
                 if wp.static(names[i] == "specular"):
                     if p_specular > 0.0:
                         u_lobe[0] = wp.max(s.p_diffuse, s.p_diffuse + u[0] * p_specular)
-                        u_lobe[1] = surface.left_of(s, u_lobe[0])
-        if plain != 0:
+                        u_lobe[1] = surface.remapped(s, u_lobe[0])
+        if is_bsdf:
             local = surface.sample(s, u_lobe)
         if local[2] > 0.0:
-            drawn.wi = to_world(frame, local)
+            drawn.wi = to_world(vertex.frame, local)
         return drawn
 
     @wp.func
@@ -153,7 +156,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
 
     @wp.func
     def completed(at_vertex: vec_s, r: Receiver, finite: float, infinite: float) -> vec_s:
-        """`finite` and `infinite`: density times importance of the lights on the ray (RayLight, mesh lights added)."""
+        """finite, infinite: density times importance of the lights on the ray (LightsOnRay), mesh lights among them."""
         p = at_vertex
         for i in range(wp.static(count)):
             if total_of(r, i) > 0.0:
@@ -167,13 +170,12 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
 
     return SimpleNamespace(
         choose=choose,
-        left_of=left_of,
-        drawn_by=drawn_by,
+        remapped=remapped,
+        one_strategy_ratios=one_strategy_ratios,
         sample=sample,
         vertex_densities=vertex_densities,
         completed=completed,
         vec_s=vec_s,
         count=count,
-        bsdf=names.index("bsdf") if "bsdf" in names else -1,
-        light=names.index("light") if "light" in names else -1,
+        index=names.index,
     )

@@ -5,182 +5,110 @@ from zlib import crc32
 
 import warp as wp
 
-from warpmis.device.views import CameraView, FilmView, SceneView
+from warpmis.device.views import CameraView, FilmView, RoundView, SceneView
 from warpmis.kernels import lattice, rng
+from warpmis.kernels.accumulation import PixelSums, add_rays, add_sample, add_to_film, depth_of
 from warpmis.kernels.camera import make_camera
-from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
-from warpmis.kernels.path import make_path
+from warpmis.kernels.learning import make_learning
+from warpmis.kernels.path.li import make_path
 from warpmis.kernels.sampler import make_sampler
-from warpmis.kernels.shading_frame import luminance
 from warpmis.scene.features import Features
 
-
-@wp.func
-def widened(luminance: wp.vec2d, count: int, y: wp.float64) -> wp.vec2d:
-    """(mean, M2) of `count` samples joined by one more.
-
-    Reference: Welford (1962), "Note on a Method for Calculating Corrected Sums of Squares and Products".
-    """
-    apart = y - luminance[0]
-    mean = luminance[0] + apart / wp.float64(count + 1)
-    return wp.vec2d(mean, luminance[1] + apart * (y - mean))
+wp.set_module_options({"enable_backward": False})
 
 
 @wp.func
-def merged(luminance: wp.vec2d, count: int, more: wp.vec2d, more_count: int) -> wp.vec2d:
-    """(mean, M2) of `count` samples joined by that of `more_count` others.
+def first_pixel_of(cell: int, stride: int, width: int) -> int:
+    """The first pixel of a cell of stride x stride pixels; cells and pixels are counted row by row."""
+    cells_across = (width + stride - 1) / stride
+    return cell / cells_across * stride * width + cell % cells_across * stride
 
-    Reference: Chan, Golub, LeVeque (1983), "Algorithms for Computing the Sample Variance", equation 2.1.
-    """
-    if more_count == 0:
-        return luminance
-    n = wp.float64(count)
-    m = wp.float64(more_count)
-    apart = more[0] - luminance[0]
-    mean = luminance[0] + apart * m / (n + m)
-    return wp.vec2d(mean, luminance[1] + more[1] + apart * apart * n * m / (n + m))
+
+@wp.func
+def is_first_of_cell(pixel: int, stride: int, width: int) -> bool:
+    return pixel % width % stride == 0 and pixel / width % stride == 0
+
+
+@wp.func
+def random_key(round: RoundView, pixel: int, sample: int) -> rng.RngKey:
+    """What the random numbers of one sample are a function of."""
+    key = rng.RngKey()
+    key.seed = round.seed
+    key.pixel = wp.uint32(pixel)
+    key.sample = wp.uint32(sample)
+    key.round = wp.uint32(sample - (sample - round.lattice_start) % round.lattice_length)
+    key.lattice = round.lattice_steps
+    return key
+
+
+@wp.func
+def choice_number(key: rng.RngKey, stratified: bool) -> float:
+    """The number that chooses strategy, light and lobe at the first vertex."""
+    if stratified:
+        return lattice.choice(key)
+    return rng.uniform4(key, rng.CHOICE)[0]
 
 
 @cache
 def make_trace(features: Features) -> wp.Kernel:
     """The trace kernel for one set of effects. Equal features return the same kernel."""
-    path = make_path(features)
+    path_tracer = make_path(features)
+    learning = make_learning(features, path_tracer)
     camera_ray = make_camera(features)
     sampler = make_sampler(features)
-    Li = path.Li
-    vec_s = path.strategies.vec_s
-    count = path.strategies.count
+    Li = path_tracer.Li
+    vec_s = path_tracer.strategies.vec_s
+    vec_k = learning.vec_k
+    has_strategies = path_tracer.strategies.count > 0
     # Warp names a module by its source and its static values, but leaves out those that depend on a loop's variable,
     # such as the strategies' names: two kernels would share one name, and the second would run as the first.
     signature = crc32(repr(features).encode()) >> 1
-    layout = Layout(count if count > 1 else 0, features.statistics)
-    moments = make_moments(layout)
-    learns = layout.size > 0
-    vec_k = moments.vec_k
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace(
         scene: SceneView,
         camera: CameraView,
+        round: RoundView,
         first: int,
-        stride: int,
-        pilot: int,
-        sequence: int,
-        lattice_length: int,
-        lattice_steps: rng.vec_lattice,
-        first_sample: int,
-        end_sample: int,
-        seed: wp.uint32,
-        max_depth: int,
-        stratified: int,
-        direct_only: int,
-        groups: wp.array(dtype=wp.uint8),
-        group: int,
+        estimators: wp.array(dtype=wp.uint8),
+        estimator: int,
         allocation: wp.array(dtype=vec_s),
         film: FilmView,
         moment_sums: wp.array(dtype=vec_k),
     ):
-        """A thread a pixel of this group, if there are any groups; in a pilot (pilot < 0) one a cell of stride x
-        stride pixels, which is its first pixel. After a pilot these have so many samples already."""
+        """A thread a pixel from `first` on, or a cell in a round of cells; `estimators`: of each pixel, which of two
+        kernels is to trace it, this one being `estimator`; empty where this kernel traces all."""
         if wp.static(signature) < 0:
             return
         index = first + wp.tid()
-        if groups.shape[0] > 0:
-            if int(groups[index]) != group:
+        if estimators.shape[0] > 0:
+            if int(estimators[index]) != estimator:
                 return
         pixel = index
-        begin = first_sample
-        if stride > 1:
-            if pilot < 0:
-                across = (camera.width + stride - 1) / stride
-                pixel = index / across * stride * camera.width + index % across * stride
-            elif pixel % camera.width % stride == 0 and pixel / camera.width % stride == 0:
-                begin = wp.max(first_sample, pilot)
-        key = rng.RngKey()
-        key.seed = seed
-        key.pixel = wp.uint32(pixel)
-        key.lattice = lattice_steps
-        a = vec_s()
-        if wp.static(count > 0):
-            a = allocation[index]
-        color = wp.vec3d()
-        lum = wp.vec2d()
-        albedo = wp.vec3d()
-        normal = wp.vec3d()
-        depth = wp.float64(0.0)
-        alpha = wp.float64(0.0)
-        hits = int(0)
-        rays = wp.int64(0)
-        shadow_rays = wp.int64(0)
-        rejected = int(0)
-        sums = vec_k()
-        for k in range(begin, end_sample):
-            key.sample = wp.uint32(k)
-            key.round = wp.uint32(k - (k - sequence) % lattice_length)
-            u = sampler.of_pixel(key, rng.CAMERA)
-            ray = camera_ray(camera, key, pixel, u[0], u[1])
-            u_strategy = float(0.0)
-            if stratified != 0:
-                u_strategy = lattice.choice(key)
-            else:
-                u_strategy = rng.uniform4(key, rng.CHOICE)[0]
-            sample = Li(scene, ray.origin, ray.direction, ray.reach, key, a, u_strategy, max_depth)
-            rays += wp.int64(sample.rays)
-            shadow_rays += wp.int64(sample.shadow_rays)
-            radiance = sample.seen + sample.mixed
-            brightness = luminance(radiance)
-            if not wp.isfinite(brightness):
-                rejected += 1
-                continue
-            color += wp.vec3d(radiance)
-            lum = widened(lum, k - begin - rejected, wp.float64(brightness))
-            albedo += wp.vec3d(sample.albedo)
-            normal += wp.vec3d(sample.normal)
-            depth += wp.float64(
-                (sample.distance + ray.near * float(sample.hit)) * wp.dot(ray.direction, camera.forward)
-            )
-            alpha += wp.float64(sample.alpha)
-            hits += sample.hit
-            if wp.static(learns):
-                sums = moments.add(sums, wp.where(direct_only != 0, sample.direct, sample.mixed), sample.q)
-                if wp.static(len(features.statistics) > 0):
-                    # Those of a path that the mixture took no part in are the same whatever the shares are.
-                    cost = float(sample.rays) + SHADOW_RAY_COST * float(sample.shadow_rays)
-                    early = float(sample.early_rays) + SHADOW_RAY_COST * float(sample.early_shadow_rays)
-                    if wp.static(path.paired):
-                        indirect = sample.mixed - sample.light - sample.direct
-                        s_bsdf = sample.q[wp.static(path.strategies.bsdf)]
-                        sums = moments.add_pair(
-                            sums,
-                            sample.light,
-                            sample.light_share,
-                            sample.direct,
-                            indirect,
-                            sample.late,
-                            sample.throughput,
-                            s_bsdf,
-                            early - SHADOW_RAY_COST * float(sample.light_rays),
-                            cost - early,
-                            sample.light_rays,
-                        )
-                    else:
-                        sums = moments.add_statistics(
-                            sums, sample.mixed, sample.late, sample.throughput, early, cost - early, sample.q, a
-                        )
-        taken = wp.max(end_sample - begin, 0)
-        film.color[index] = film.color[index] + color
-        accepted = film.accepted[index]
-        film.luminance[index] = merged(film.luminance[index], accepted, lum, taken - rejected)
-        film.albedo[index] = film.albedo[index] + albedo
-        film.normal[index] = film.normal[index] + normal
-        film.depth[index] = film.depth[index] + depth
-        film.hits[index] = film.hits[index] + hits
-        film.alpha[index] = film.alpha[index] + alpha
-        film.accepted[index] = accepted + taken - rejected
-        film.rejected[index] = film.rejected[index] + rejected
-        film.rays[index] = film.rays[index] + rays
-        film.shadow_rays[index] = film.shadow_rays[index] + shadow_rays
-        if wp.static(learns):
-            moment_sums[index] = moment_sums[index] + sums
+        first_sample = round.first_sample
+        if round.by_cells:
+            pixel = first_pixel_of(index, round.stride, camera.width)
+        elif is_first_of_cell(pixel, round.stride, camera.width):
+            # It has taken the samples of the pilot already.
+            first_sample = wp.max(first_sample, round.pilot_samples)
+        shares = vec_s()
+        if wp.static(has_strategies):
+            shares = allocation[index]
+
+        sums = PixelSums()
+        moments = vec_k()
+        for k in range(first_sample, round.end_sample):
+            key = random_key(round, pixel, k)
+            u_pixel = sampler.of_pixel(key, rng.CAMERA)
+            ray = camera_ray(camera, key, pixel, u_pixel[0], u_pixel[1])
+            path = Li(scene, ray, key, shares, choice_number(key, round.stratified), round.max_depth)
+            add_rays(sums, path.rays, path.shadow_rays)
+            is_accepted = add_sample(sums, path.L, path.first_hit, depth_of(camera, ray, path.first_hit))
+            if wp.static(learning.is_on):
+                if is_accepted:
+                    learning.add(moments, path, round.direct_only)
+        add_to_film(film, index, sums)
+        if wp.static(learning.is_on):
+            moment_sums[index] = moment_sums[index] + moments
 
     return trace

@@ -20,12 +20,11 @@ from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes, scene_bytes
 from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import DeviceScene, check_device
-from warpmis.device.views import FilmView
+from warpmis.device.views import FilmView, RoundView, vec_lattice
 from warpmis.errors import ConfigError
 from warpmis.film.film import Film, spread_out
 from warpmis.film.metrics import squared_scale
 from warpmis.kernels.identify import make_identify
-from warpmis.kernels.rng import vec_lattice
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
@@ -106,7 +105,7 @@ def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     Where learning takes no statistics the second is the first, and where no pixel can leave the third is the second.
     """
     shared = features.with_strategies(features.strategies)
-    left = features.with_strategies(()) if "pair" in features.statistics else shared
+    left = features.with_strategies(()) if features.learns_from_pairs else shared
     return make_trace(features), make_trace(shared), make_trace(left)
 
 
@@ -114,12 +113,13 @@ def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 class Pass:
     """The launches of a round that go through one kernel, and where their samples go.
 
-    groups, group: the launches are for the pixels of this group; `groups` is empty where they are for all.
+    estimators, estimator: the launches are for the pixels whose entry is this one; `estimators` is empty where they are
+    for all pixels.
     """
 
     kernel: wp.Kernel
-    groups: wp.array
-    group: int
+    estimators: wp.array
+    estimator: int
     allocation: wp.array
     film: FilmView
     moments: wp.array
@@ -180,7 +180,7 @@ class Integrator:
         if left.all() or not left.any():
             return [apart if left.all() else shared]
         which = wp.array(left.astype(np.uint8), dtype=wp.uint8, device=device)
-        return [replace(one, groups=which) for one in (shared, apart)]
+        return [replace(one, estimators=which) for one in (shared, apart)]
 
     def _taken(self, part: Round, samples: range) -> NDArray[np.int64]:
         """How many of the samples each pixel takes; each cell, where it learns."""
@@ -199,11 +199,11 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        passes, numbers, taken = self._passes(part.learn), self._numbers(part, samples), self._taken(part, samples)
+        passes, view, taken = self._passes(part.learn), self._round_view(part, samples), self._taken(part, samples)
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
-            self._launch(passes, numbers, *job)
+            self._launch(passes, view, *job)
             with lock:
                 advance(int(taken[job[0] : sum(job)].sum()))
 
@@ -258,17 +258,24 @@ class Integrator:
             return samples.start, min(WATCHED_LATTICE, len(samples))
         return part.sequence.start, lattice_length(len(part.sequence))
 
-    def _numbers(self, part: Round, samples: range) -> list[Any]:
-        """The trace kernel's arguments from `stride` to `direct_only`: what all launches of a piece have in common."""
-        config = self.config
-        start, length = self._lattices(part, samples)
-        numbers = [self.stride, -1 if part.learn else part.pilot, start, length, vec_lattice(*lattice_steps(length))]
-        numbers += [samples.start, samples.stop, config.seed, config.max_depth]
-        return [*numbers, int(config.strategy_choice == "stratified"), int(part.learn and config.how.direct_only)]
+    def _round_view(self, part: Round, samples: range) -> RoundView:
+        """What all launches of a piece of a round have in common."""
+        view = RoundView()
+        view.first_sample, view.end_sample = samples.start, samples.stop
+        view.seed = self.config.seed
+        view.max_depth = self.config.max_depth
+        view.stratified = self.config.strategy_choice == "stratified"
+        view.lattice_start, view.lattice_length = self._lattices(part, samples)
+        view.lattice_steps = vec_lattice(*lattice_steps(view.lattice_length))
+        view.by_cells = part.learn
+        view.stride = self.stride
+        view.pilot_samples = part.pilot
+        view.direct_only = part.learn and self.config.how.direct_only
+        return view
 
-    def _launch(self, passes: list[Pass], numbers: list[Any], first: int, count: int) -> None:
+    def _launch(self, passes: list[Pass], view: RoundView, first: int, count: int) -> None:
         for one in passes:
-            inputs = [self.scene.view, self.scene.camera, first, *numbers, one.groups, one.group]
+            inputs = [self.scene.view, self.scene.camera, view, first, one.estimators, one.estimator]
             inputs += [one.allocation, one.film, one.moments]
             wp.launch(one.kernel, dim=count, inputs=inputs, device=self.config.device)
         if self.is_cuda:

@@ -80,6 +80,11 @@ class Features:
         asked = (self.shaping, self.light_pictures, self.light_tints, self.light_response)
         return any((*asked, self.light_links, self.shadow_links))
 
+    @property
+    def learns_from_pairs(self) -> bool:
+        """Whether next-event estimation tells what a mixture would do (kernels/moments.py)."""
+        return "pair" in self.statistics
+
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
         """Every effect on: the universal kernel."""

@@ -61,7 +61,7 @@ class Scattering:
 
 
 def make_surface(features: Features) -> SimpleNamespace:
-    """Surface functions for the lobes in `features`: prepare, evaluate, left_of, sample."""
+    """Surface functions for the lobes in `features`: prepare, evaluate, remapped, sample."""
 
     @wp.func
     def coat_transmittance(s: Surface, cos_theta: float) -> float:
@@ -141,16 +141,16 @@ def make_surface(features: Features) -> SimpleNamespace:
         return e
 
     @wp.func
-    def left_of(s: Surface, u: float) -> float:
-        """Where within its lobe's part the number u lies that chooses a lobe in `sample`: in [0, 1) again."""
-        left = u / wp.max(s.p_diffuse, 1.0e-20)
+    def remapped(s: Surface, u: float) -> float:
+        """The number that chooses a lobe in `sample`, remapped from that lobe's part to [0, 1)."""
+        within = u / wp.max(s.p_diffuse, 1.0e-20)
         if wp.static(features.specular):
             if u >= s.p_diffuse and s.p_specular + s.p_coat > 0.0:
                 above = u - s.p_diffuse
-                left = above / wp.max(s.p_specular, 1.0e-20)
+                within = above / wp.max(s.p_specular, 1.0e-20)
                 if above >= s.p_specular and s.p_coat > 0.0:
-                    left = (above - s.p_specular) / s.p_coat
-        return wp.clamp(left, 0.0, ONE_MINUS_EPSILON)
+                    within = (above - s.p_specular) / s.p_coat
+        return wp.clamp(within, 0.0, ONE_MINUS_EPSILON)
 
     @wp.func
     def sample(s: Surface, u: wp.vec4) -> wp.vec3:
@@ -167,4 +167,4 @@ def make_surface(features: Features) -> SimpleNamespace:
                 wi = h * (2.0 * wp.dot(s.wo, h)) - s.wo
         return wi
 
-    return SimpleNamespace(prepare=prepare, left_of=left_of, evaluate=evaluate, sample=sample)
+    return SimpleNamespace(prepare=prepare, remapped=remapped, evaluate=evaluate, sample=sample)

@@ -88,10 +88,10 @@ def make_control(features: Features) -> SimpleNamespace:
 
     @wp.func
     def prim_of(scene: SceneView, hit: Hit) -> int:
-        """Receiver.prim of a point on a surface."""
+        """Receiver.prim of a point on a surface; 0 where no light asks for it."""
         if scene.controls.shape[0] == 0:
-            return 1
-        return intersect.prim_of(scene, hit) + 1
+            return 0
+        return intersect.prim_of(scene, hit)
 
     @wp.func
     def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
@@ -101,8 +101,8 @@ def make_control(features: Features) -> SimpleNamespace:
             return share
         control = scene.controls[index]
         if wp.static(features.light_links):
-            if r.prim > 0 and control.reaches.shape[0] > 0:
-                if control.reaches[r.prim - 1] == 0:
+            if r.is_surface and control.reaches.shape[0] > 0:
+                if control.reaches[r.prim] == 0:
                     return wp.vec3(0.0, 0.0, 0.0)
         if wp.static(features.shaping):
             share = shaping_factor(control, control.to_light * -wi)
@@ -112,7 +112,7 @@ def make_control(features: Features) -> SimpleNamespace:
             if index < scene.light_count:
                 share = wp.cw_mul(share, picture_factor(control, scene.lights[index], r.x, wi))
         if wp.static(features.light_tints):
-            if r.prim > 0:
+            if r.is_surface:
                 share = wp.cw_mul(share, control.tint)
         return share
 

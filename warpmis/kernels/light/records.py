@@ -2,12 +2,14 @@
 
 import warp as wp
 
+from warpmis.device.views import NO_LIGHT as NO_LIGHT
+
 
 @wp.struct
 class LightSample:
     """A direction towards a light. pdf_solid_angle is 0 where there is no sample; distance ends the shadow ray.
 
-    light: 1 + the index of the light, 0 for none; pdf_of_light: the density given that this light was chosen.
+    light: index of the light; pdf_of_light: the density given that this light was chosen.
     """
 
     wi: wp.vec3
@@ -20,11 +22,11 @@ class LightSample:
 
 @wp.struct
 class LightChoice:
-    """A light's index, or -1; its importance; and what is left of the number that chose it, in [0, 1) again."""
+    """A light's index, or NO_LIGHT; its importance; and the number that chose it, remapped to [0, 1)."""
 
     light: int
     importance: float
-    left: float
+    u_remapped: float
 
 
 @wp.struct
@@ -41,15 +43,15 @@ class Receiver:
     """The point that asks for light, with a light chosen for it and what normalises that choice.
 
     total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0
-    where none of them can be seen. chosen: a light in proportion to importance, or -1; left: what is left of the number
-    that chose it, in [0, 1) again. A single light needs no choice: its importance counts as 1.
+    where none of them can be seen. chosen: a light in proportion to importance, or NO_LIGHT; u_remapped: the number
+    that chose it, remapped to [0, 1). A single light needs no choice: its importance counts as 1.
 
-    drawn: 1 + the index of the light that the ray from x was drawn towards, 0 for none; drawn_distance, drawn_pdf:
-    where it meets that light, and with which density the light's sampler drew it. The ray's direction is rounded, and a
-    light that is small or seen edge-on would be missed: what was drawn counts as hit.
+    drawn: index of the light that the ray from x was drawn towards; drawn_distance, drawn_pdf: where it meets that
+    light, and with which density the light's sampler drew it, 0 for a ray that was drawn otherwise. The ray's direction
+    is rounded, and a light that is small or seen edge-on would be missed: what was drawn counts as hit.
 
-    prim: 1 + the index of the prim at x where anything is asked of lights, 0 for the camera; diffuse: the share of what
-    the surface scatters from the ray's direction that its diffuse lobe does, per color.
+    is_surface: False for the camera; prim: index of the prim at x. Both are set where lights are controlled. diffuse:
+    the diffuse lobe's share of what the surface scatters from the ray's direction, per color.
     """
 
     x: wp.vec3
@@ -59,9 +61,10 @@ class Receiver:
     infinite: float
     chosen: int
     chosen_importance: float
-    left: float
+    u_remapped: float
     drawn: int
     drawn_distance: float
     drawn_pdf: float
+    is_surface: bool
     prim: int
     diffuse: wp.vec3

@@ -20,7 +20,7 @@ from warpmis.kernels.light.dome import (
     sample_dome_picture,
 )
 from warpmis.kernels.light.mesh_light import hit_emitter_triangle, make_mesh
-from warpmis.kernels.light.records import LightChoice, LightHit, LightSample, Receiver
+from warpmis.kernels.light.records import NO_LIGHT, LightChoice, LightHit, LightSample, Receiver
 from warpmis.kernels.light.rect import hit_rect, sample_rect
 from warpmis.kernels.light.sphere import hit_sphere, sample_sphere
 from warpmis.kernels.mis import balance_weight
@@ -34,8 +34,8 @@ SHADOW_END = wp.constant(0.9999)
 
 
 @wp.struct
-class RayLight:
-    """The light that a ray meets, mesh lights left out (they are surfaces).
+class LightsOnRay:
+    """The lights that a ray meets, but for mesh lights, which are surfaces.
 
     radiance: sum over the analytic lights and the dome seen along the ray; weighted: the same with each light's MIS
     weight against the density given; hits: number of analytic lights seen. finite, infinite: sums of density times
@@ -80,7 +80,7 @@ def make_lights(features: Features) -> SimpleNamespace:
     def choose(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: float) -> LightChoice:
         """One of the lights first to end - 1, whose importances sum to `total`, in proportion to them."""
         c = LightChoice()
-        c.light = -1
+        c.light = NO_LIGHT
         target = u * total
         reached = float(0.0)
         for i in range(first, end):
@@ -89,7 +89,7 @@ def make_lights(features: Features) -> SimpleNamespace:
             if of_light > 0.0:
                 c.light = i
                 c.importance = of_light
-                c.left = wp.clamp((target - reached) / of_light, 0.0, ONE_MINUS_EPSILON)
+                c.u_remapped = wp.clamp((target - reached) / of_light, 0.0, ONE_MINUS_EPSILON)
                 reached += of_light
                 if reached > target:
                     break
@@ -97,12 +97,12 @@ def make_lights(features: Features) -> SimpleNamespace:
 
     @wp.func
     def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, u: float) -> Receiver:
-        """Choose a light with u. Each light's part of the numbers is one interval, so that what is left of u is as
-        evenly spread over the light's samples as u is over all."""
+        """Choose a light with u. Each light's part of the numbers is one interval, so that the remapped u is as evenly
+        spread over the light's samples as u is over all."""
         r = Receiver()
         r.x = x
         r.n = n
-        r.chosen = -1
+        r.chosen = NO_LIGHT
         if is_turned_away(scene, r):
             return r
         for i in range(scene.light_count):
@@ -115,7 +115,7 @@ def make_lights(features: Features) -> SimpleNamespace:
         choice = choose(scene, r, 0, scene.light_count, r.total, u)
         r.chosen = choice.light
         r.chosen_importance = choice.importance
-        r.left = choice.left
+        r.u_remapped = choice.u_remapped
         return r
 
     @wp.func
@@ -150,11 +150,11 @@ def make_lights(features: Features) -> SimpleNamespace:
 
     @wp.func
     def sample_chosen(scene: SceneView, r: Receiver, chosen: int, chance: float, u: wp.vec4) -> LightSample:
-        """A direction towards the light that was chosen with this chance, which the density holds; none if it is -1."""
+        """A direction towards the light that was chosen with this chance, which the density holds; none of NO_LIGHT."""
         s = LightSample()
-        if chosen >= 0:
+        if chosen != NO_LIGHT:
             s = sample_light(scene, scene.lights[chosen], r, u)
-            s.light = chosen + 1
+            s.light = chosen
             s.pdf_of_light = s.pdf_solid_angle
             s.pdf_solid_angle = s.pdf_of_light * chance
         return s
@@ -166,10 +166,10 @@ def make_lights(features: Features) -> SimpleNamespace:
 
     @wp.func
     def sample_range(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: wp.vec4) -> LightSample:
-        """The same among the lights first to end - 1, whose importances sum to `total`; u[0] chooses one, and what is
-        left of it stands in for u[1]."""
+        """The same among the lights first to end - 1, whose importances sum to `total`; u[0] chooses one, and
+        remapped stands in for u[1]."""
         choice = choose(scene, r, first, end, total, u[0])
-        v = wp.vec4(u[0], choice.left, u[2], u[3])
+        v = wp.vec4(u[0], choice.u_remapped, u[2], u[3])
         return sample_chosen(scene, r, choice.light, choice.importance / total, v)
 
     @wp.func
@@ -211,16 +211,16 @@ def make_lights(features: Features) -> SimpleNamespace:
         return pdf
 
     @wp.func
-    def gather(scene: SceneView, r: Receiver, wi: wp.vec3, near: float, far: float, pdf: float) -> RayLight:
+    def gather(scene: SceneView, r: Receiver, wi: wp.vec3, near: float, far: float, pdf: float) -> LightsOnRay:
         """Analytic lights on the stretch (near, far] of the ray from r.x; INFINITE_DISTANCE: no surface ends it.
 
         `pdf` is the density of the strategy that drew wi, which the light strategy is weighted against.
         """
-        ray = RayLight()
+        ray = LightsOnRay()
         for i in range(scene.light_count):
             light = scene.lights[i]
             h = hit(light, r.x, wi)
-            if r.drawn == i + 1 and light.kind != MESH:
+            if r.drawn_pdf > 0.0 and r.drawn == i and light.kind != MESH:
                 h.distance = r.drawn_distance
                 h.pdf_solid_angle = r.drawn_pdf
             radiance = light.radiance
@@ -244,7 +244,7 @@ def make_lights(features: Features) -> SimpleNamespace:
                 else:
                     ray.infinite += of_light
                 if wp.static(features.shadow_links):
-                    if r.prim > 0 and intersect.has_own_shadows(scene, i):  # the camera does not see through
+                    if r.is_surface and intersect.has_own_shadows(scene, i):  # the camera does not see through
                         # What ends the ray tells nothing of this light's shadows: found on the first stretch, or never.
                         through = intersect.transmittance(scene, i, r.x, wi, h.distance * SHADOW_END)
                         radiance = wp.cw_mul(radiance, through)
@@ -254,7 +254,7 @@ def make_lights(features: Features) -> SimpleNamespace:
                     if wp.static(features.controlled):
                         radiance = wp.cw_mul(radiance, control.factor(scene, i, r, wi))
                         if wp.static(features.light_response):
-                            if r.prim > 0:
+                            if r.is_surface:
                                 radiance = wp.cw_mul(radiance, control.response(scene, i, r.diffuse))
                     ray.radiance += radiance
                     ray.weighted += radiance * balance_weight(pdf, density(of_light, r.total))

@@ -1,0 +1,74 @@
+"""From the record of a path (path/record.py) to the pixel's moments (moments.py)."""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
+from warpmis.scene.features import Features
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def ray_cost(rays: int, shadow_rays: int) -> float:
+    """In units of a path's ray with the vertex at its end."""
+    return float(rays) + SHADOW_RAY_COST * float(shadow_rays)
+
+
+def make_learning(features: Features, path: SimpleNamespace) -> SimpleNamespace:
+    """The type vec_k of a pixel's moments; is_on, whether there are any; and add, which adds a path to them."""
+    strategies = path.strategies
+    layout = Layout(strategies.count if strategies.count > 1 else 0, features.statistics)
+    moments = make_moments(layout)
+    vec_k = moments.vec_k
+    PathState = path.PathState
+    bsdf = strategies.index("bsdf") if features.learns_from_pairs else 0
+
+    @wp.func
+    def add_pair(sums: wp.ref[vec_k], path: wp.ref[PathState], early_cost: float, late_cost: float):
+        pair = path.record
+        sums = moments.add_pair(
+            sums,
+            pair.light,
+            pair.light_share,
+            pair.direct,
+            pair.F - pair.light - pair.direct,
+            pair.F_late,
+            pair.throughput,
+            path.estimate.q[wp.static(bsdf)],
+            early_cost - SHADOW_RAY_COST * float(pair.light_rays),
+            late_cost,
+            pair.light_rays,
+        )
+
+    @wp.func
+    def add_statistics(sums: wp.ref[vec_k], path: wp.ref[PathState], early_cost: float, late_cost: float):
+        sums = moments.add_statistics(
+            sums,
+            path.record.F,
+            path.record.F_late,
+            path.record.throughput,
+            early_cost,
+            late_cost,
+            path.estimate.q,
+            path.estimate.allocation,
+        )
+
+    @wp.func
+    def add(sums: wp.ref[vec_k], path: wp.ref[PathState], direct_only: bool):
+        """direct_only: the moments are those of the light that comes straight from the lights."""
+        F = path.record.F
+        if direct_only:
+            F = path.record.direct
+        sums = moments.add(sums, F, path.estimate.q)
+        if wp.static(len(features.statistics) > 0):
+            # What a path costs that has no first vertex is the same whatever the shares are: it counts as late.
+            early_cost = ray_cost(path.record.early_rays, path.record.early_shadow_rays)
+            late_cost = ray_cost(path.rays, path.shadow_rays) - early_cost
+            if wp.static(features.learns_from_pairs):
+                add_pair(sums, path, early_cost, late_cost)
+            else:
+                add_statistics(sums, path, early_cost, late_cost)
+
+    return SimpleNamespace(vec_k=vec_k, is_on=layout.size > 0, add=add)

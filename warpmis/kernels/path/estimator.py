@@ -1,0 +1,39 @@
+"""Which estimator the paths of a kernel take, and the state that they carry for it."""
+
+from types import SimpleNamespace
+
+from warpmis.kernels.path.mixture import make_densities, make_estimate, make_mixture
+from warpmis.kernels.path.next_event import NoEstimate, make_next_event
+from warpmis.kernels.path.pairs import make_pairs
+from warpmis.kernels.path.record import NoRecord, Record, make_record, no_record
+from warpmis.kernels.path.state import make_state
+from warpmis.kernels.strategies import make_strategies
+from warpmis.scene.features import Features
+
+
+def make_estimator(
+    features: Features, surface: SimpleNamespace, lights: SimpleNamespace, direct_light: SimpleNamespace
+) -> SimpleNamespace:
+    """The estimator's functions (next_event.py), its `record` of a path, the type PathState, and `strategies`.
+
+    Next-event estimation without strategies; with them their mixture, or pairs where that is what learning asks for.
+    """
+    strategies = make_strategies(features, surface, lights)
+    if not features.strategies:
+        PathState = make_state(NoEstimate, NoRecord)
+        estimator = make_next_event(PathState, strategies.vec_s, surface, direct_light)
+        estimator.record = no_record(PathState)
+    else:
+        PathState = make_state(make_estimate(strategies.vec_s), Record)
+        record = make_record(PathState)
+        densities = make_densities(features, PathState, strategies, lights)
+        next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light)
+        if features.learns_from_pairs:
+            estimator = make_pairs(PathState, strategies, densities, next_event, record)
+        else:
+            # Of paths that end behind the mixture's vertex none comes to a vertex without one.
+            estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
+        estimator.record = record
+    estimator.PathState = PathState
+    estimator.strategies = strategies
+    return estimator

@@ -1,0 +1,156 @@
+"""The path tracer: the radiance that arrives along a camera ray.
+
+A path goes from surface to surface. Each ray adds the emission that it meets; each vertex adds the light of a light
+sample, and draws the direction of the next ray. Who may do that in which way is the estimator's business: next-event
+estimation (next_event.py), or at the first vertex the mixture of strategies whose shares are learned (mixture.py).
+
+Reference: Kajiya (1986), "The Rendering Equation".
+"""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import SceneView
+from warpmis.kernels import rng
+from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
+from warpmis.kernels.bsdf.surface import make_surface
+from warpmis.kernels.camera import CameraRay
+from warpmis.kernels.direct_light import UNWEIGHTED, make_direct_light
+from warpmis.kernels.intersect import MAX_PASSED, make_intersect
+from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.light.table import make_lights
+from warpmis.kernels.material import make_material
+from warpmis.kernels.path.estimator import make_estimator
+from warpmis.kernels.path.specular import make_specular
+from warpmis.kernels.path.state import first_hit_of
+from warpmis.kernels.path.throughput import make_throughput
+from warpmis.kernels.path.vertex import make_vertex
+from warpmis.kernels.sampler import make_sampler
+from warpmis.kernels.shading_frame import to_local
+from warpmis.scene.features import Features
+
+wp.set_module_options({"enable_backward": False})
+
+
+def make_path(features: Features, intersect: SimpleNamespace | None = None) -> SimpleNamespace:
+    """The function Li for one set of effects, its result type PathState, and the estimator's `strategies`.
+
+    intersect: functions in place of make_intersect's, for those who watch the rays.
+    """
+    intersect = intersect or make_intersect(features)
+    lights = make_lights(features)
+    surface = make_surface(features)
+    materials = make_material(features)
+    events = make_events(features, intersect.passed)
+    direct_light = make_direct_light(features, surface, lights, intersect)
+    estimator = make_estimator(features, surface, lights, direct_light)
+    record = estimator.record
+    PathState = estimator.PathState
+    vec_s = estimator.strategies.vec_s
+    specular = make_specular(features, PathState, lights)
+    vertices = make_vertex(features, PathState, surface, lights, direct_light)
+    throughput = make_throughput(features, surface, estimator)
+    sampler = make_sampler(features)
+    has_events = features.smooth or features.opacity
+
+    @wp.func
+    def camera_path(ray: CameraRay, allocation: vec_s, u_choice: float) -> PathState:
+        """A path that has not met anything."""
+        path = PathState()
+        path.beta = wp.vec3(1.0, 1.0, 1.0)
+        path.origin = ray.origin
+        path.wi = ray.direction
+        path.receiver.x = ray.origin
+        estimator.begin(path, allocation, u_choice)
+        return path
+
+    @wp.func
+    def add_emission(path: wp.ref[PathState], emission: wp.vec3):
+        radiance = wp.cw_mul(path.beta, emission)
+        path.L += radiance
+        record.emission(path, radiance)
+
+    @wp.func
+    def Li(
+        scene: SceneView, ray: CameraRay, key: rng.RngKey, allocation: vec_s, u_choice: float, max_depth: int
+    ) -> PathState:
+        """The path of a camera ray, of at most `max_depth` bounces after the first hit; its L is the radiance.
+
+        allocation: shares of the strategies, where there are any; u_choice: in [0, 1), makes the choices at the first
+        vertex that is no mirror: of the strategy, then of a light and a lobe, then where the direction goes.
+        """
+        path = camera_path(ray, allocation, u_choice)
+        for step in range(max_depth + 1 + MAX_PASSED):
+            # Follow the ray to a surface; surfaces beyond the camera's clipping planes are not in view.
+            hit = intersect.closest_hit(scene, path.origin, path.wi)
+            path.rays += 1
+            if wp.static(features.clipping):
+                if path.bounces == 0 and path.passed + hit.distance > ray.reach:
+                    hit.distance = INFINITE_DISTANCE
+            distance = hit.distance  # from the last vertex
+            if distance < INFINITE_DISTANCE:
+                distance += path.passed
+
+            # Find the lights on the way there, with which the density of the ray's direction is known at last.
+            on_ray = lights.gather(scene, path.receiver, path.wi, path.passed, distance, path.pdf_bsdf)
+            if not estimator.weigh_ray(scene, path, on_ray):
+                break
+
+            # Add their emission, weighted where a light sample could have found it as well.
+            emission = on_ray.radiance
+            if path.weighs_emission:
+                emission = on_ray.weighted
+            if path.bounces == 0 and on_ray.hits > 0:
+                path.first_hit.alpha = 1.0
+            if hit.distance >= INFINITE_DISTANCE:
+                add_emission(path, emission)
+                break
+
+            # Add the surface's own emission.
+            material = materials.at(scene, hit.triangle, hit.u, hit.v)
+            if wp.static(features.mesh_light):
+                pdf = wp.where(path.weighs_emission, path.pdf_bsdf, UNWEIGHTED)
+                emission += direct_light.from_mesh_light(scene, path.receiver, hit, material, path.wi, distance, pdf)
+            add_emission(path, emission)
+
+            # A surface may let the path pass straight through.
+            frame = intersect.shading_frame(scene, hit, material, path.wi)
+            wo = to_local(frame, -path.wi)
+            if wp.static(has_events):
+                event = events.choose(material, wo[2], sampler.of_step(key, step, rng.EVENT)[0])
+                path.beta = wp.cw_mul(path.beta, event.weight)
+                if event.kind == PASS:
+                    specular.pass_through(path, hit, distance)
+                    continue
+
+            # Here is a vertex. The camera's is what the auxiliary pictures show.
+            if path.bounces == 0:
+                path.first_hit = first_hit_of(material, frame, distance)
+            if path.bounces >= max_depth:
+                break
+            path.bounces += 1
+            path.origin = hit.p + hit.ng * hit.offset
+            path.passed = 0.0
+
+            # A mirror has a single direction, which no light sample can be drawn in.
+            if wp.static(has_events):
+                if event.kind == MIRROR:
+                    if not specular.reflect(scene, path, hit, frame, wo):
+                        break
+                    continue
+
+            # All else scatters: add the light of light samples, and draw a direction.
+            vertex = vertices.prepare(scene, path, hit, material, frame, wo, key, step)
+            if wp.static(features.delta_light):
+                vertices.add_delta_light(scene, path, vertex)
+            estimator.scatter(scene, path, vertex)
+            path.has_scattered = True
+
+            # Go on with the throughput in that direction, unless Russian roulette ends the path.
+            if not throughput.update(path, vertex, key, step):
+                break
+        record.end(path)
+        return path
+
+    return SimpleNamespace(Li=Li, PathState=PathState, strategies=estimator.strategies)

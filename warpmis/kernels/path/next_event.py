@@ -1,0 +1,75 @@
+"""Next-event estimation: a light sample and a BSDF sample, which share the direct light by the balance heuristic.
+
+This is what every vertex does that is no mirror, but for the first one where a mixture of the strategies stands in
+(mixture.py). An estimator is a namespace of four functions; those that next-event estimation does not need do nothing.
+
+References: Kajiya (1986), "The Rendering Equation"; Veach (1997), section 9.2.2, the multi-sample model.
+"""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import SceneView
+from warpmis.kernels.bsdf.surface import Scattering
+from warpmis.kernels.direct_light import DirectLight
+from warpmis.kernels.light.table import LightsOnRay
+from warpmis.kernels.path.state import Vertex
+from warpmis.kernels.shading_frame import to_world
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class NoEstimate:
+    """Next-event estimation keeps nothing of a path beside its state."""
+
+
+def make_next_event(
+    PathState: type, vec_s: type, surface: SimpleNamespace, direct_light: SimpleNamespace
+) -> SimpleNamespace:
+    """The estimator: begin, scatter, keep_densities, weigh_ray."""
+
+    @wp.func
+    def begin(path: wp.ref[PathState], allocation: vec_s, u_choice: float):
+        """Before the camera ray: u_choice will choose at the first vertex that is no mirror."""
+        path.u_choice = u_choice
+        path.u_remapped = u_choice
+
+    @wp.func
+    def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]) -> DirectLight:
+        """The sample, as what it adds to the path."""
+        from_light = direct_light.from_light_sample(scene, path.receiver, vertex)
+        path.L += wp.cw_mul(path.beta, from_light.radiance)
+        path.shadow_rays += from_light.rays
+        return from_light
+
+    @wp.func
+    def draw_direction(path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """The path's next direction, from the BSDF."""
+        path.wi = to_world(vertex.frame, surface.sample(vertex.surface, vertex.u_bsdf))
+        path.weighs_emission = True
+
+    @wp.func
+    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """Add the direct light that the vertex samples, and draw the path's next direction."""
+        add_light_sample(scene, path, vertex)
+        draw_direction(path, vertex)
+
+    @wp.func
+    def keep_densities(path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
+        """Keep what is needed of the vertex until the ray has met its lights."""
+
+    @wp.func
+    def weigh_ray(scene: SceneView, path: wp.ref[PathState], on_ray: wp.ref[LightsOnRay]) -> bool:
+        """Divide by the density of the ray, where it is known only now; False where the path ends here."""
+        return True
+
+    return SimpleNamespace(
+        begin=begin,
+        scatter=scatter,
+        keep_densities=keep_densities,
+        weigh_ray=weigh_ray,
+        add_light_sample=add_light_sample,
+        draw_direction=draw_direction,
+    )

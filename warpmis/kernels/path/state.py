@@ -1,0 +1,92 @@
+"""What a path carries from vertex to vertex."""
+
+import warp as wp
+
+from warpmis.device.views import MaterialView
+from warpmis.kernels.bsdf.surface import Surface
+from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.shading_frame import Frame
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.struct
+class FirstHit:
+    """The camera's view of the first surface that does not let the ray pass: the auxiliary pictures' values.
+
+    is_surface: 0 where there is none, and the rest is 0 then, but for alpha, which is 1 for a light in view, too.
+    """
+
+    is_surface: int
+    alpha: float
+    albedo: wp.vec3
+    normal: wp.vec3
+    distance: float
+
+
+@wp.func
+def first_hit_of(material: MaterialView, frame: Frame, distance: float) -> FirstHit:
+    first = FirstHit()
+    first.is_surface = 1
+    first.alpha = 1.0
+    first.albedo = material.diffuse + material.specular_f0
+    first.normal = frame.n
+    first.distance = distance
+    return first
+
+
+@wp.struct
+class Vertex:
+    """A point where a path scatters.
+
+    ng: geometric normal on the side from which the path comes; frame: of the shading normal; surface: the BSDF for the
+    direction from which the path comes; u_light, u_bsdf, u_delta: random numbers in [0, 1) for a light sample, for a
+    direction from the BSDF, and for the choice of a delta light.
+    """
+
+    ng: wp.vec3
+    frame: Frame
+    surface: Surface
+    u_light: wp.vec4
+    u_bsdf: wp.vec4
+    u_delta: float
+
+
+def make_state(Estimate: type, Record: type) -> type:
+    """The type PathState. Estimate, Record: what the estimator and learning keep of a path; empty structs for
+    next-event estimation."""
+
+    @wp.struct
+    class PathState:
+        """A path as far as it has been traced.
+
+        L: radiance found so far; beta: throughput, the product of f cos / pdf of its vertices.
+        origin, wi: the present ray; passed: distance from the last vertex to `origin`, not 0 where the ray has passed
+        through a surface.
+        receiver: the last vertex, as its lights know it; pdf_bsdf: the BSDF's density of wi there [1/sr].
+        weighs_emission: a light sample of the last vertex could have found what the ray meets, so the emission that it
+        meets has a weight below 1. Not so after the camera or a mirror.
+        bounces: vertices so far, mirrors among them; has_scattered: whether one of them was no mirror.
+        u_choice: the number for choices at the first vertex that is no mirror, u_remapped: the same after the
+        estimator's own choice.
+        """
+
+        L: wp.vec3
+        beta: wp.vec3
+        origin: wp.vec3
+        wi: wp.vec3
+        passed: float
+        receiver: Receiver
+        pdf_bsdf: float
+        weighs_emission: bool
+        bounces: int
+        has_scattered: bool
+        u_choice: float
+        u_remapped: float
+        rays: int
+        shadow_rays: int
+        first_hit: FirstHit
+        estimate: Estimate
+        record: Record
+
+    return PathState

@@ -1,0 +1,74 @@
+"""A vertex made ready: its BSDF, its lights, and the random numbers that it draws by."""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import MaterialView, SceneView
+from warpmis.kernels import rng
+from warpmis.kernels.hit import Hit
+from warpmis.kernels.path.state import Vertex
+from warpmis.kernels.sampler import make_sampler
+from warpmis.kernels.shading_frame import Frame
+from warpmis.scene.features import Features
+
+wp.set_module_options({"enable_backward": False})
+
+
+def make_vertex(
+    features: Features,
+    PathState: type,
+    surface: SimpleNamespace,
+    lights: SimpleNamespace,
+    direct_light: SimpleNamespace,
+) -> SimpleNamespace:
+    """Functions: random_numbers, prepare, add_delta_light."""
+    sampler = make_sampler(features)
+
+    @wp.func
+    def random_numbers(path: wp.ref[PathState], key: rng.RngKey, step: int) -> Vertex:
+        """A vertex with its numbers alone. At the first one that is no mirror a single number makes the choices of
+        light and lobe, so that these are as evenly spread over a pixel's samples as that number is."""
+        vertex = Vertex()
+        vertex.u_light = sampler.of_step(key, step, rng.LIGHT)
+        vertex.u_bsdf = sampler.of_step(key, step, rng.SCATTER)
+        if wp.static(features.delta_light):
+            vertex.u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)[0]
+        if not path.has_scattered:
+            vertex.u_light[0] = path.u_remapped
+            vertex.u_bsdf[0] = path.u_remapped
+            vertex.u_delta = path.u_choice
+        return vertex
+
+    @wp.func
+    def prepare(
+        scene: SceneView,
+        path: wp.ref[PathState],
+        hit: wp.ref[Hit],
+        material: MaterialView,
+        frame: Frame,
+        wo: wp.vec3,
+        key: rng.RngKey,
+        step: int,
+    ) -> Vertex:
+        """The vertex where the path has arrived; path.receiver becomes this one, with a light chosen for it."""
+        vertex = random_numbers(path, key, step)
+        vertex.ng = hit.ng
+        vertex.frame = frame
+        vertex.surface = surface.prepare(material, wo)
+        path.receiver = lights.receiver(scene, path.origin, frame.n, vertex.u_light[0])
+        if wp.static(features.controlled):
+            path.receiver.prim = lights.control.prim_of(scene, hit)
+        if not path.has_scattered:
+            # What the choices leave of their number serves as the first number of the direction.
+            vertex.u_light[1] = path.receiver.u_remapped
+            vertex.u_bsdf[1] = surface.remapped(vertex.surface, vertex.u_bsdf[0])
+        return vertex
+
+    @wp.func
+    def add_delta_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        from_light = direct_light.from_delta_light(scene, path.receiver, vertex)
+        path.L += wp.cw_mul(path.beta, from_light.radiance)
+        path.shadow_rays += from_light.rays
+
+    return SimpleNamespace(random_numbers=random_numbers, prepare=prepare, add_delta_light=add_delta_light)
