@@ -131,7 +131,7 @@ def test_each_light_is_chosen_in_proportion_to_its_importance(count: int) -> Non
     np.testing.assert_array_equal(r["chosen_importance"], importance[r["chosen"]].astype(np.float32))
     # What is left of the number is uniform for each light, and independent of the choice.
     for light in np.argsort(importance)[-3:]:
-        left = r["left"][r["chosen"] == light].astype(float)
+        left = r["u_remapped"][r["chosen"] == light].astype(float)
         assert left.min() >= 0.0 and left.max() < 1.0
         assert importance[light] == 0.0 or uniformity(left, 64).p_value > SIGNIFICANCE
     # What normalises the choice, in the two parts of the table.
