@@ -1,10 +1,8 @@
 """The trace kernel: a stretch of pixels, a stretch of samples, one thread a pixel."""
 
-from functools import cache
-from zlib import crc32
-
 import warp as wp
 
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.device.views import CameraView, FilmView, RoundView, SceneView
 from warpmis.kernels import lattice, rng
 from warpmis.kernels.accumulation import PixelSums, add_rays, add_sample, add_to_film, depth_of
@@ -49,9 +47,9 @@ def choice_number(key: rng.RngKey, stratified: bool) -> float:
     return rng.uniform4(key, rng.CHOICE)[0]
 
 
-@cache
-def make_trace(features: Features) -> wp.Kernel:
-    """The trace kernel for one set of effects. Equal features return the same kernel."""
+@kernel_factory
+def make_trace(features: Features) -> KernelFunction:
+    """The trace kernel for one set of effects."""
     path_tracer = make_path(features)
     learning = make_learning(features, path_tracer)
     camera_ray = make_camera(features)
@@ -60,11 +58,7 @@ def make_trace(features: Features) -> wp.Kernel:
     vec_s = path_tracer.strategies.vec_s
     vec_k = learning.vec_k
     has_strategies = path_tracer.strategies.count > 0
-    # Warp names a module by its source and its static values, but leaves out those that depend on a loop's variable,
-    # such as the strategies' names: two kernels would share one name, and the second would run as the first.
-    signature = crc32(repr(features).encode()) >> 1
 
-    @wp.kernel(module="unique", enable_backward=False)
     def trace(
         scene: SceneView,
         camera: CameraView,
@@ -78,8 +72,6 @@ def make_trace(features: Features) -> wp.Kernel:
     ):
         """A thread a pixel from `first` on, or a cell in a round of cells; `estimators`: of each pixel, which of two
         kernels is to trace it, this one being `estimator`; empty where this kernel traces all."""
-        if wp.static(signature) < 0:
-            return
         index = first + wp.tid()
         if estimators.shape[0] > 0:
             if int(estimators[index]) != estimator:

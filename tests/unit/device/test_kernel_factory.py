@@ -20,7 +20,7 @@ from warpmis.scene.features import Features
 
 PACKAGE = Path(warpmis.__file__).parent
 OWN_FILE = PACKAGE / "device" / "kernel_factory.py"
-SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path not in (OWN_FILE, PACKAGE / "kernels" / "trace.py")]
+SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path != OWN_FILE]
 
 
 def make_weight(names: tuple[str, ...]) -> Callable[[], float]:
@@ -96,6 +96,9 @@ THREE, FOUR = (Layout(count, METHODS["cost-aware"].statistics) for count in (3, 
 
 # Arguments that differ as little as they can.
 DIFFERING: dict[str, list[tuple[Any, ...]]] = {
+    "make_trace": [
+        (Features().with_strategies(("bsdf", name)),) for name in ("light", "uniform", "cosine", "specular")
+    ],
     "make_identify": [(Features(),), (Features(opacity=True),)],
     "make_relative": [(THREE,), (FOUR,), (PAIRS,)],
     "make_row_sums": [(THREE,), (FOUR,), (PAIRS,)],
