@@ -34,7 +34,7 @@ def test_no_text_falls(fuzz_stages: Any) -> None:
 def test_what_falls_is_told(fuzz_stages: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A reader that dies at text 3, raises at text 5 and hangs at text 7, in place of warpmis's."""
     package = tmp_path / "warpmis"
-    package.mkdir()
+    (package / "scene").mkdir(parents=True)
     (package / "__init__.py").write_text(
         "import os, time\n"
         "class WarpmisError(Exception): pass\n"
@@ -45,7 +45,7 @@ def test_what_falls_is_told(fuzz_stages: Any, tmp_path: Path, monkeypatch: pytes
         "    if number == 7: time.sleep(100)\n"
         "    raise WarpmisError('no')\n"
     )
-    (package / "features.py").write_text("Features = None\n")
+    (package / "scene" / "features.py").write_text("Features = None\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(fuzz_stages, "PATIENCE", 8.0)
     monkeypatch.setattr(fuzz_stages, "PATIENCE_OF_FIRST", 90.0)
