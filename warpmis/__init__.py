@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from warpmis.rendering.progress import Progress
     from warpmis.rendering.render import render
     from warpmis.rendering.result import RenderResult
+    from warpmis.rendering.stats import RenderStats
     from warpmis.scene import Scene
     from warpmis.usd import load_stage
 
@@ -27,6 +28,7 @@ __all__ = [
     "Progress",
     "RenderConfig",
     "RenderResult",
+    "RenderStats",
     "Scene",
     "StageError",
     "WarpmisError",
@@ -40,16 +42,19 @@ _HOME = {
     "Progress": "warpmis.rendering.progress",
     "RenderConfig": "warpmis.config",
     "RenderResult": "warpmis.rendering.result",
+    "RenderStats": "warpmis.rendering.stats",
     "Scene": "warpmis.scene",
     "load_stage": "warpmis.usd",
     "render": "warpmis.rendering.render",
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'warpmis' has no attribute '{name}'")
-    return getattr(importlib.import_module(_HOME[name]), name)
+if not TYPE_CHECKING:  # to a type checker a name that is not listed above is an error
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'warpmis' has no attribute '{name}'")
+        return getattr(importlib.import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:

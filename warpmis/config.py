@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,43 @@ CEILING = 1 << 18
 
 # Shares typed by hand (0.333,0.333,0.334) or stored in half precision still count as summing to one.
 SUM_TOLERANCE = 1e-4
+
+
+class LearnSettings(TypedDict):
+    """The learn settings of a render as plain values, with the numbers that were used."""
+
+    rounds: int
+    spp: int
+    initial_allocation: list[float] | None
+
+
+class SettingsDict(TypedDict, total=False):
+    """The settings of a render as plain values: RenderConfig's, and what the render adds to them.
+
+    Keys:
+        allocation: shares of method "fixed"; a picture of them is named by its shape.
+        camera: path of the camera, "" where one was supplied.
+        shutter_samples: number of times within the shutter's interval, if there were several.
+    """
+
+    width: int | None
+    spp: int
+    method: str
+    strategies: list[str]
+    allocation: list[float] | str | None
+    strategy_choice: str
+    sampler: str
+    mis_compensation: bool
+    max_depth: int
+    seed: int
+    ids: bool
+    target_error: float | None
+    time_limit: float | None
+    device: str
+    threads: int | None
+    learn: LearnSettings
+    camera: str
+    shutter_samples: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +200,8 @@ class RenderConfig:
             return self.learn.spp
         return max(1, int(self._learn_budget * self.how.learn_share) // self.learn_rounds())
 
-    def to_dict(self) -> dict[str, Any]:
-        """The settings as plain JSON values; a per-pixel allocation is named by its shape, not spelled out."""
+    def to_dict(self) -> SettingsDict:
+        """The settings as plain values, ready for JSON."""
         allocation: list[float] | str | None = None
         if isinstance(self.allocation, np.ndarray):
             is_picture = self.allocation.ndim > 1
@@ -178,10 +215,10 @@ class RenderConfig:
             "allocation": allocation,
             "strategy_choice": self.strategy_choice,
             "sampler": self.sampler,
-            "mis_compensation": int(self.mis_compensation),
+            "mis_compensation": bool(self.mis_compensation),
             "max_depth": self.max_depth,
             "seed": self.seed,
-            "ids": int(self.ids),
+            "ids": bool(self.ids),
             "target_error": self.target_error,
             "time_limit": self.time_limit,
             "device": self.device,

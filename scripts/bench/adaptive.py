@@ -29,7 +29,7 @@ from warpmis.film.metrics import LUMINANCE, OUTLIERS, squared_scale
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.learn.schedule import Round
 from warpmis.rendering.integrator import Integrator, allocation_of
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")

@@ -24,7 +24,7 @@ from recorded_rays import bare_queries
 import warpmis
 from warpmis.config import RenderConfig
 from warpmis.kernels.trace import make_trace
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 from warpmis.scene.features import Features
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"

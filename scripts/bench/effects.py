@@ -37,7 +37,7 @@ from warpmis.device.upload import upload
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.schedule import Round
 from warpmis.rendering.integrator import Integrator, allocation_of
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 from warpmis.scene.features import Features
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"

@@ -38,7 +38,7 @@ from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
 from warpmis.device.upload import upload
 from warpmis.learn.schedule import Round, schedule
 from warpmis.rendering.integrator import Integrator, allocation_of
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 from warpmis.scene import DomeLight
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"

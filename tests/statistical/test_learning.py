@@ -12,7 +12,7 @@ import warpmis
 from warpmis.device.upload import upload
 from warpmis.learn.schedule import Round
 from warpmis.rendering.integrator import Integrator
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 
 FIXED = tuple(round(0.1 * tenth, 1) for tenth in range(1, 10))
 ROUNDS = 8

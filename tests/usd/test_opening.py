@@ -6,8 +6,8 @@ import pytest
 from pxr import Sdf, Usd
 from usd.stages import SQUARE, stage_of
 
+import warpmis
 from warpmis.errors import StageError
-from warpmis.rendering import render as rendering
 from warpmis.usd import load_stage
 
 CAR = """
@@ -204,7 +204,7 @@ def test_render_hands_all_stage_options_to_the_reader(monkeypatch):
         seen.update(options)
         raise StageError("seen")
 
-    monkeypatch.setattr(rendering, "load", load)
+    monkeypatch.setattr("warpmis.usd.load_stage", load)
     with pytest.raises(StageError, match="seen"):
-        rendering.render("stage.usda", width=32, **given)
+        warpmis.render("stage.usda", width=32, **given)
     assert seen == given | {"width": 32}

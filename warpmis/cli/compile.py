@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
         options["allocation"] = (1.0 / max(count, 1),) * count
     config = RenderConfig(**options)
     start_warp()
-    from warpmis.rendering.render import compile_scene
+    from warpmis.rendering.specialise import compile_scene
 
     scene = warpmis.load_stage(arguments.stage, width=arguments.image_width, **stage_options(arguments))
     done = compile_scene(scene, config, forced_features(arguments))

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
+from warpmis.config import SettingsDict
 from warpmis.film.metrics import estimated_relative_error
+from warpmis.rendering.stats import RenderStats
 
 Float32Array = NDArray[np.float32]
 
@@ -40,7 +42,7 @@ class RenderResult:
         ids: if asked for, of what the middle of each pixel sees: the prim's place in `paths`, which of the prim's
             instances it is, and which face (curve, point), -1 where there is no surface, shape (H, W, 3) int32.
         paths: if ids were asked for, the prims' paths.
-        stats: counts and times: seconds {load, compile, learn, render}, samples, rays, rays_per_second, ...
+        stats: counts and times, see RenderStats.
         name: the stage's file name or identifier.
         settings: what was asked for, as plain values.
         warnings: what was found in the stage but not honoured, a line each.
@@ -56,12 +58,12 @@ class RenderResult:
     variance: Float32Array
     allocation: Float32Array
     strategies: tuple[str, ...]
-    stats: dict[str, Any]
+    stats: RenderStats
     name: str
     round_allocations: tuple[Float32Array, ...] = ()
     ids: NDArray[np.int32] | None = None
     paths: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
+    settings: SettingsDict = field(default_factory=SettingsDict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -88,13 +90,14 @@ class RenderResult:
         noise of colour alone, and fireflies as long as they outshine their pixel: too low by a quarter at times. Too
         high where evenly spread samples do better than independent ones: by a factor of 2 in smooth light.
         """
-        if "relative_error" in self.stats.get("stopping", {}):
-            return float(self.stats["stopping"]["relative_error"])
+        stopping = self.stats.get("stopping")
+        if stopping is not None and "relative_error" in stopping:
+            return stopping["relative_error"]
         return estimated_relative_error(self.image, self.variance / np.maximum(self.samples, 1))
 
     def __repr__(self) -> str:
         height, width, _ = self.image.shape
-        spp = self.stats.get("stopping", self.settings).get("spp", "?")
+        spp = self.stats["stopping"]["spp"] if "stopping" in self.stats else self.settings.get("spp", "?")
         settings = f"{self.settings.get('method', '?')}, {spp} spp"
         return f"RenderResult({self.name}, {width} x {height}, {settings})"
 

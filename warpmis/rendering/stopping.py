@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from warpmis.config import RenderConfig
 from warpmis.film.metrics import PARTS, relative_mse_of_parts
 from warpmis.learn.schedule import Round
+from warpmis.rendering.stats import StoppingStats
 
 # With this probability the picture's error is below the bound when the render stops.
 CONFIDENCE = 0.95
@@ -131,11 +131,14 @@ class Watch:
             "seconds_left": self.seconds_left(),
         }
 
-    def stats(self) -> dict[str, Any]:
+    def stats(self) -> StoppingStats:
         """For RenderResult.stats."""
-        told: dict[str, Any] = {"reason": self.reason, "spp": self.spp}
+        told: StoppingStats = {"reason": self.reason, "spp": self.spp}
         if self.estimate is not None:
-            told |= {**vars(self.estimate), "confidence": CONFIDENCE}
+            told["relative_error"] = self.estimate.relative_error
+            told["standard_error"] = self.estimate.standard_error
+            told["bound"] = self.estimate.bound
+            told["confidence"] = CONFIDENCE
         if math.isfinite(self.target_spp):
             told["target_spp"] = math.ceil(self.target_spp)
         return told

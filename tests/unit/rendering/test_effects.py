@@ -18,7 +18,7 @@ import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import cache_folder, load_kernels
 from warpmis.kernels.trace import make_trace
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 from warpmis.scene import DomeLight, Material
 from warpmis.scene.features import Features, detect
 

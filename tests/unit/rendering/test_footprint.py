@@ -14,7 +14,7 @@ from warpmis.device.footprint import array_bytes, scene_bytes
 from warpmis.device.mesh import watertight_meshes
 from warpmis.device.upload import upload
 from warpmis.rendering.integrator import Integrator, allocation_of
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 from warpmis.scene import Material
 from warpmis.scene.geometry import Prototype
 from warpmis.scene.texture import PrimvarLookup

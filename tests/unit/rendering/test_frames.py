@@ -157,7 +157,7 @@ class Impatient:
 
 def test_an_interrupted_render_holds_what_was_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """After the second of three learn rounds every pixel has its samples, and the picture is the two rounds' own."""
-    monkeypatch.setattr("warpmis.rendering.render.REPORT_SECONDS", 0.0)
+    monkeypatch.setattr("warpmis.rendering.reporter.REPORT_SECONDS", 0.0)
     settings: dict[str, Any] = {"method": "murray20", "learn_rounds": 3, "learn_spp": 8, "threads": 1}
     with pytest.raises(warpmis.Interrupted) as stop:
         warpmis.render(scenes.room(8), spp=32, progress=Impatient(0.5), **settings)

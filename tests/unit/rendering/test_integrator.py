@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from warpmis.device.upload import upload
 from warpmis.learn.schedule import Round
 from warpmis.methods import METHODS
 from warpmis.rendering import integrator
-from warpmis.rendering.render import features_of
+from warpmis.rendering.specialise import features_of
 from warpmis.scene.features import Features, detect
 
 SETTINGS = {"spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
@@ -126,15 +125,6 @@ def test_kernels_of_a_run_have_the_same_compiler_options(method: str) -> None:
     assert len(modules) > 2
     names = ("cpu_compiler_flags", "optimization_level", "mode", "fuse_fp")
     assert len({tuple(module.options.get(name) for name in names) for module in modules}) == 1
-
-
-def test_progress_ends_at_the_total() -> None:
-    reports: list[warpmis.Progress] = []
-    warpmis.render(scenes.room(), progress=reports.append, **SETTINGS)
-    phases = [report.phase for report in reports]
-    assert list(dict.fromkeys(phases)) == ["load", "compile", "learn", "render"]
-    assert all(a.done <= b.done for a, b in itertools.pairwise(reports))
-    assert reports[-1].total == 16 * 16 * 48
 
 
 def test_allocation_map_must_fit_the_image() -> None:

@@ -1,0 +1,91 @@
+"""One picture of one scene: compile, upload, then rounds of samples, with a step of learning after each learn round."""
+
+from __future__ import annotations
+
+from warpmis.config import RenderConfig
+from warpmis.device.compilation import load_kernels
+from warpmis.device.upload import Uploads, upload
+from warpmis.errors import Interrupted
+from warpmis.learn.schedule import Round, schedule
+from warpmis.rendering.integrator import Integrator, allocation_of, kernels_of
+from warpmis.rendering.reporter import Reporter
+from warpmis.rendering.result import RenderResult
+from warpmis.rendering.run import Run
+from warpmis.rendering.specialise import features_of
+from warpmis.rendering.stopping import Watch
+from warpmis.scene import Scene
+from warpmis.scene.features import Features
+
+
+def render_scene(
+    scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None = None
+) -> RenderResult:
+    """Render a scene as it is, by the rounds of its schedule.
+
+    Raises:
+        ConfigError: the machine lacks the device, or an allocation map is not of the picture's size.
+        Interrupted: Ctrl-C, after samples were taken; it holds the result so far.
+    """
+    run = begin(scene, config, features, reporter, uploads)
+    watch = reporter.watch
+    try:
+        trace_rounds(run)
+        reporter.finish()
+    except KeyboardInterrupt:
+        if reporter.done == 0:
+            raise
+        reporter.end_phase()
+        if watch is not None:
+            watch.reason = "interrupted"
+        share = 100.0 * reporter.done / reporter.total
+        raise Interrupted(run.result([f"interrupted after {share:.0f} % of the samples"])) from None
+    reporter.end_phase()
+    return run.result(watch.notes() if watch is not None else ())
+
+
+def begin(
+    scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None
+) -> Run:
+    """Compile the kernels and upload the scene."""
+    features = features_of(scene, config, features)
+    reporter.phase("compile")
+
+    def announce(count: int) -> None:
+        reporter.phase("compile", f"{count} kernel{'s' if count > 1 else ''}, first use of these effects")
+
+    compilation = load_kernels(kernels_of(features, config), config.device, announce)
+    reporter.phase("load")
+    device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
+    integrator = Integrator(device_scene, features, config, allocation_of(config, *scene.resolution))
+    reporter.total = config.spp * integrator.pixels
+    if config.stops:
+        reporter.watch = Watch(config, scene.resolution, reporter.tracing_seconds)
+    return Run(scene, config, features, compilation, integrator, reporter)
+
+
+def trace_rounds(run: Run) -> None:
+    """Trace every round, or as many as the stopping rule wants. An allocation depends on earlier rounds alone."""
+    integrator, reporter = run.integrator, run.reporter
+    rounds = schedule(run.config)
+    learn_rounds = sum(part.learn for part in rounds)
+    for number, part in enumerate(rounds, start=1):
+        reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
+        trace(part, integrator, reporter)
+        if reporter.watch is not None and reporter.watch.stopped:
+            return
+        if part.learn:
+            integrator.solve(rounds[number] if number < len(rounds) else None)
+            if run.config.learn.keep_maps:
+                run.round_allocations.append(integrator.allocation_map())
+
+
+def trace(part: Round, integrator: Integrator, reporter: Reporter) -> None:
+    """Trace one round: at once, or piece by piece as the stopping rule deals them out."""
+    watch = reporter.watch
+    if watch is None:
+        integrator.trace(part, reporter.advance)
+        return
+    for index, piece in watch.pieces(part):
+        reporter.total = watch.needed_spp() * integrator.pixels
+        integrator.trace(part, reporter.advance, piece)
+        watch.add(index, piece, integrator.color_sums())

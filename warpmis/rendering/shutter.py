@@ -1,0 +1,144 @@
+"""Motion blur: a picture as the mean of pictures at several times within the shutter's interval."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpmis.config import RenderConfig
+from warpmis.device.upload import Uploads
+from warpmis.errors import ConfigError, Interrupted
+from warpmis.rendering.reporter import ProgressCallback, Reporter
+from warpmis.rendering.result import RenderResult
+from warpmis.rendering.rounds import render_scene
+from warpmis.rendering.stats import RenderStats, StoppingStats
+from warpmis.scene import Scene
+from warpmis.scene.features import Features
+
+# 2^32 over the golden ratio: each time has random numbers of its own.
+SEED_STEP = 2654435769
+
+
+def render_shutter(
+    scene: Scene,
+    scene_at: Callable[[float], Scene],
+    config: RenderConfig,
+    count: int,
+    features: Features | None,
+    progress: ProgressCallback | None,
+    uploads: Uploads,
+) -> RenderResult:
+    """The mean of renders at `count` times within the shutter's interval of the scene's camera.
+
+    `scene_at` reads the whole stage at a time code.
+
+    Raises:
+        ConfigError: there are fewer samples than times, or a time's are too few for the learn rounds.
+        Interrupted: Ctrl-C, after samples were taken; it holds the mean of the times so far.
+    """
+    results: list[RenderResult] = []
+    codes = shutter_times(scene.time, scene.camera.shutter, count)
+    parts = divided(config, count)
+    before = 0
+    for index, (code, part) in enumerate(zip(codes, parts, strict=True)):
+        reporter = Reporter(progress, before, part.spp / sum(later.spp for later in parts[index:]))
+        try:
+            reporter.phase("load", f"time {code:g}")
+            results.append(render_scene(scene_at(code), part, features, reporter, uploads))
+        except KeyboardInterrupt as stop:
+            results += [stop.result] if isinstance(stop, Interrupted) else []
+            if not results:
+                raise
+            times = f"{len(results)} of {count} times within the shutter"
+            result = averaged(results, config)
+            notes = (*result.notes, f"interrupted at time {code:g}: {times} are in the picture")
+            raise Interrupted(dataclasses.replace(result, notes=notes)) from None
+        before += reporter.done
+    return averaged(results, config)
+
+
+def shutter_times(time: float, shutter: tuple[float, float], count: int) -> list[float]:
+    """The middles of `count` equal parts of the shutter's interval about `time` [time code]."""
+    opens, closes = shutter
+    return [time + opens + (index + 0.5) / count * (closes - opens) for index in range(count)]
+
+
+def divided(config: RenderConfig, count: int) -> list[RenderConfig]:
+    """The settings for each time: the samples per pixel are shared out.
+
+    Raises:
+        ConfigError: there are fewer samples than times, or a time's are too few for the learn rounds.
+    """
+    if config.spp < count:
+        raise ConfigError(f"{count} times within the shutter need as many samples per pixel, got {config.spp}")
+    limit = None if config.time_limit is None else config.time_limit / count
+    shares = [config.spp * (index + 1) // count - config.spp * index // count for index in range(count)]
+    return [
+        dataclasses.replace(config, spp=spp, time_limit=limit, seed=(config.seed + index * SEED_STEP) % 2**32)
+        for index, spp in enumerate(shares)
+    ]
+
+
+def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
+    """One result of all samples: each picture counts by its number of them, pixel by pixel.
+
+    The times are strata: what one sample varies by is the mean of the variances within each.
+    """
+    counts = np.stack([result.samples for result in results]).astype(np.float64)
+    total = counts.sum(axis=0)
+    weights = np.where(total > 0.0, counts / np.maximum(total, 1.0), 1.0 / len(results))
+    # A light in view counts as covered, and where there is nothing else depth and normal are 0.
+    hit = weights * np.stack([result.alpha * (result.depth > 0.0) for result in results])
+    hit_weights = hit / np.maximum(hit.sum(axis=0), 1e-12)
+
+    def mean(name: str, shares: NDArray[np.float64] = weights) -> NDArray[np.float32]:
+        pictures = np.stack([getattr(result, name) for result in results])
+        shares = shares.reshape(*shares.shape, *(1,) * (pictures.ndim - shares.ndim))
+        return (shares * pictures).sum(axis=0).astype(np.float32)
+
+    first = results[0]
+    pictures: dict[str, Any] = {name: mean(name) for name in ("image", "alpha", "albedo", "variance", "allocation")}
+    pictures |= {name: mean(name, hit_weights) for name in ("normal", "depth")}
+    return dataclasses.replace(
+        first,
+        **pictures,
+        samples=total.astype(first.samples.dtype),
+        round_allocations=(),
+        stats=_stats(results),
+        settings={**first.settings, "spp": config.spp, "seed": config.seed, "shutter_samples": len(results)},
+        warnings=tuple(dict.fromkeys(line for result in results for line in result.warnings)),
+        notes=tuple(dict.fromkeys(line for result in results for line in result.notes)),
+    )
+
+
+def _stats(results: list[RenderResult]) -> RenderStats:
+    """Counts and times are sums; what is no sum is that of the last time."""
+    every = [result.stats for result in results]
+    seconds = every[-1]["seconds"].copy()
+    seconds["load"] = sum(stats["seconds"]["load"] for stats in every)
+    seconds["compile"] = sum(stats["seconds"]["compile"] for stats in every)
+    seconds["learn"] = sum(stats["seconds"]["learn"] for stats in every)
+    seconds["render"] = sum(stats["seconds"]["render"] for stats in every)
+    rays = sum(stats["rays"] for stats in every)
+    tracing = seconds["learn"] + seconds["render"]
+    last = every[-1].copy()
+    last["seconds"] = seconds
+    last["samples"] = sum(stats["samples"] for stats in every)
+    last["rejected_samples"] = sum(stats["rejected_samples"] for stats in every)
+    last["rays"] = rays
+    last["rays_per_second"] = rays / tracing if tracing > 0.0 else 0.0
+    last["compile_seconds"] = sum(stats["compile_seconds"] for stats in every)
+    last["kernels_compiled"] = sum(stats["kernels_compiled"] for stats in every)
+    if "stopping" in last:
+        last["stopping"] = _stopping([stats["stopping"] for stats in every])
+    return last
+
+
+def _stopping(every: list[StoppingStats]) -> StoppingStats:
+    """Without an error: that of one time is not the picture's."""
+    reasons = [one["reason"] for one in reversed(every) if one["reason"] != "samples"]
+    return {"reason": reasons[0] if reasons else "samples", "spp": sum(one["spp"] for one in every)}

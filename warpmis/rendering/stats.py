@@ -1,0 +1,81 @@
+"""What a render counts and times. Dictionaries at run time, whose keys editors and type checkers know."""
+
+from __future__ import annotations
+
+from typing import NotRequired, TypedDict
+
+
+class PhaseSeconds(TypedDict):
+    """Wall clock time of each phase [s]."""
+
+    load: float
+    compile: float
+    learn: float
+    render: float
+
+
+class StoppingStats(TypedDict):
+    """Why a render with a target error or a time limit ended, and what it knows of its error.
+
+    Keys:
+        reason: "target error", "time limit", "interrupted", or "samples" for the limit of samples per pixel.
+        spp: samples per pixel that were taken.
+        relative_error, standard_error, bound: estimates from the picture's own samples, 0.02 is 2 %; the actual error
+            is below the bound with the probability `confidence`. Missing where there were too few samples to tell.
+        target_spp: samples per pixel that the target error takes, as far as it is known.
+    """
+
+    reason: str
+    spp: int
+    relative_error: NotRequired[float]
+    standard_error: NotRequired[float]
+    bound: NotRequired[float]
+    confidence: NotRequired[float]
+    target_spp: NotRequired[int]
+
+
+class DeviceBytes(TypedDict):
+    """Device memory [byte]: the scene's by what it is for, and the picture's."""
+
+    scene: dict[str, int]
+    picture: int
+
+
+class RenderStats(TypedDict):
+    """RenderResult.stats: a dictionary of plain values.
+
+    Keys:
+        seconds: wall clock time of each phase [s].
+        samples: pixel samples taken, learning and rejected ones included.
+        rejected_samples: samples that were not finite and are left out of the picture.
+        rays: rays traced, shadow rays included.
+        rays_per_second: rays over the time of learning and rendering.
+        next_event_pixels: share of the pixels that next-event estimation rendered, from 0 to 1.
+        excess_variance_bound: the part of the relative variance that other shares could have saved at most, from 0 to
+            1; missing where no samples were shared between strategies.
+        stopping: missing without a target error and a time limit.
+        triangles, lights: of the scene, instances included.
+        features: names of the effects that the kernels were compiled with.
+        device, threads: where it was rendered.
+        compile_seconds: time until all kernels were ready [s].
+        kernels_compiled, kernels_cached: how many were compiled, and how many were found in the cache.
+        bytes: device memory.
+    """
+
+    seconds: PhaseSeconds
+    samples: int
+    rejected_samples: int
+    rays: int
+    rays_per_second: float
+    next_event_pixels: float
+    excess_variance_bound: NotRequired[float]
+    stopping: NotRequired[StoppingStats]
+    triangles: int
+    lights: int
+    features: list[str]
+    device: str
+    threads: int
+    compile_seconds: float
+    kernels_compiled: int
+    kernels_cached: int
+    bytes: DeviceBytes
