@@ -37,7 +37,11 @@ Vector = NDArray[np.float64]
 # How far a transform may be from a uniform scale and a rotation to keep a sphere a sphere.
 SIMILARITY_TOLERANCE = 1e-5
 
-# Above this the products of radiance with weights and densities overflow float32.
+# Most that intensity, exposure and color may ask for together, before a light of a given power is divided by its size:
+# what is above is a slip, and the division leaves some of MAX_RADIANCE's range to small lights [nit or nit m^2].
+MAX_EMISSION = 1e18
+
+# Above this the products of radiance with weights and densities overflow float32 [nit].
 MAX_RADIANCE = 1e30
 
 # A line is rendered as a cylinder that is so thick, as a share of its length; its power is that of its intensity over
@@ -116,10 +120,10 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
         color = color * blackbody_color(reading.number(prim, "inputs:colorTemperature", 6500.0))
     radiance = intensity * np.exp2(exposure) * color
     colors = radiance.tolist()
-    if not all(abs(value) <= MAX_COORDINATE for value in colors) or intensity < 0.0:
+    if not all(abs(value) <= MAX_EMISSION for value in colors) or intensity < 0.0:
         reading.warn(
             path, f"the light is left out: intensity {intensity:g}, exposure {exposure:g} and color must give a "
-            f"finite radiance from 0 to {MAX_COORDINATE:g}"
+            f"finite radiance from 0 to {MAX_EMISSION:g}"
         )  # fmt: skip
         return None
     if min(colors) < 0.0:

@@ -14,12 +14,15 @@ from warpmis.scene.light_control import PLAIN, IesProfile, LightControl, Shaping
 from warpmis.usd.lights.ies import IesError, read_ies
 from warpmis.usd.lights.light_picture import read_light_picture
 from warpmis.usd.materials.image import PictureError, asset_bytes
-from warpmis.usd.reading import MAX_COORDINATE, Reading
+from warpmis.usd.reading import Reading
 
 Vector = NDArray[np.float64]
 
 # The lights whose emission UsdLuxShapingAPI shapes here: those with a place.
 SHAPED = ("RectLight", "DiskLight", "SphereLight", "CylinderLight")
+
+# Largest value of a control, as an angle, an exponent or a factor of radiance: two of them multiply within float32.
+MAX_CONTROL = 1e18
 
 
 def read_control(prim: Any, matrix: Vector, reading: Reading) -> LightControl:
@@ -60,7 +63,7 @@ def read_shaping(prim: Any, matrix: Vector, reading: Reading) -> Shaping | None:
     softness = _number(prim, "inputs:shaping:cone:softness", 0.0, reading)
     focus = _number(prim, "inputs:shaping:focus", 0.0, reading)
     tint = np.array(reading.get(prim.GetAttribute("inputs:shaping:focusTint"), (0.0, 0.0, 0.0)), np.float64)
-    if not (np.isfinite(tint) & (tint >= 0.0) & (tint < MAX_COORDINATE)).all():
+    if not (np.isfinite(tint) & (tint >= 0.0) & (tint < MAX_CONTROL)).all():
         reading.warn(prim.GetPath(), "shaping:focusTint is negative or not finite; black is used")
         tint = np.zeros(3)
     shaping = Shaping(
@@ -112,9 +115,9 @@ def _multiplier(prim: Any, name: str, reading: Reading) -> float:
 def _number(prim: Any, name: str, default: float, reading: Reading) -> float:
     """A scalar attribute; its default, with a warning, where float32 could not hold its products."""
     value = reading.number(prim, name, default)
-    if abs(value) <= MAX_COORDINATE:
+    if abs(value) <= MAX_CONTROL:
         return value
-    what = "not finite" if not math.isfinite(value) else f"beyond {MAX_COORDINATE:g}"
+    what = "not finite" if not math.isfinite(value) else f"beyond {MAX_CONTROL:g}"
     reading.warn(prim.GetPath(), f"{name.removeprefix('inputs:')} is {what}; {default:g} is used")
     return default
 
