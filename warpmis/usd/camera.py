@@ -14,13 +14,11 @@ from warpmis.errors import ConfigError, StageError
 from warpmis.scene import Camera, CylinderLight, DiskLight, Light, RectLight, SphereLight
 from warpmis.scene.geometry import Bounds, Geometry, Prototype, bounds
 from warpmis.usd.clipping import clipping_planes
-from warpmis.usd.reading import PxrError, Reading, one_line
+from warpmis.usd.lens import exposure, frame_of, read_lens, shutter, thin_lens
+from warpmis.usd.reading import Reading
 from warpmis.usd.settings import WHOLE, Settings
 
 DEFAULT_WIDTH = 960  # usdrecord's
-
-# Beyond this a squared radiance overflows float32.
-MAX_EXPOSURE = 1e15
 
 # 16,384 x 16,384: a film takes some 150 bytes a pixel, twice.
 MAX_PIXELS = 1 << 28
@@ -56,16 +54,17 @@ def read_camera(
         path, gf_camera = "", framing_camera(framed, str(UsdGeom.GetStageUpAxis(reading.stage)))
         reading.note("the stage has no camera: one that frames the geometry is used")
     else:
-        path, gf_camera = str(prim.GetPath()), _lens(prim, reading)
+        path, gf_camera = str(prim.GetPath()), read_lens(prim, reading)
         gf_camera.transform *= Gf.Matrix4d().SetTranslate(Gf.Vec3d(*(-origin).tolist()))
     resolution = picture_resolution(gf_camera, settings, width)
     camera = fitted_camera(path, gf_camera, resolution, settings)
     if prim is not None:
-        radius, focus = _thin_lens(gf_camera, path, settings, reading)
-        camera = replace(camera, lens_radius=radius, focus_distance=focus, exposure=_exposure(prim, reading))
-        camera = replace(camera, shutter=_shutter(prim, settings, reading))
+        frame, _ = frame_of(np.array(gf_camera.transform))
+        radius, focus = thin_lens(gf_camera, frame, path, settings, reading)
+        camera = replace(camera, lens_radius=radius, focus_distance=focus, exposure=exposure(prim, reading))
+        camera = replace(camera, shutter=shutter(prim, settings, reading))
         solids = [prototype.boxes for prototype in prototypes]
-        planes = clipping_planes(prim, camera, geometry, solids, light_boxes(lights), reading)
+        planes = clipping_planes(prim, camera, frame.scale, geometry, solids, light_boxes(lights), reading)
         camera = replace(camera, clipping_planes=planes)
     if settings.data_window != WHOLE:
         camera, resolution = cropped(camera, resolution, settings)
@@ -106,7 +105,7 @@ def _find_camera(reading: Reading, settings: Settings, asked: str | None) -> Any
         found = _matching(cameras, settings.camera)
         if found is not None:
             return found
-        reading.warn(settings.path, f"its camera {settings.camera} does not exist")
+        reading.warn(settings.path, f"its camera {settings.camera} is no Camera")
     primary = _matching(cameras, UsdUtils.GetPrimaryCameraName())
     if primary is not None:
         return primary
@@ -124,70 +123,6 @@ def _matching(cameras: list[Any], asked: str) -> Any:
     return None
 
 
-def _lens(prim: Any, reading: Reading) -> Any:
-    """The prim as a Gf.Camera whose numbers make a frustum."""
-    path = prim.GetPath()
-    camera = UsdGeom.Camera(prim)
-    try:
-        gf_camera = camera.GetCamera(reading.time)
-    except PxrError as error:
-        raise StageError(f"the camera cannot be read: {one_line(error)}", str(path)) from None
-    lens: tuple[float, ...] = (gf_camera.horizontalAperture, gf_camera.verticalAperture)
-    if gf_camera.projection == Gf.Camera.Perspective:
-        lens = (*lens, gf_camera.focalLength)
-    offsets = (gf_camera.horizontalApertureOffset, gf_camera.verticalApertureOffset)
-    if not np.isfinite((*lens, *offsets)).all() or min(lens) <= 0.0:
-        raise StageError("focalLength and both apertures must be above 0 and finite", str(path))
-    matrix = np.array(gf_camera.transform)
-    if not _is_invertible(matrix[:3, :3]) or not np.isfinite(matrix).all():
-        raise StageError("the camera's transform is not invertible", str(path))
-    return gf_camera
-
-
-def _thin_lens(gf_camera: Any, path: str, settings: Settings, reading: Reading) -> tuple[float, float]:
-    """The lens' radius, focalLength / (2 fStop), and what is in focus [scene units]; (0, 0) for a pinhole.
-
-    focalLength is in tenths of a scene unit, focusDistance in scene units.
-    """
-    if gf_camera.fStop == 0.0 or settings.disable_depth_of_field:
-        return 0.0, 0.0
-    if gf_camera.projection == Gf.Camera.Orthographic:
-        reading.warn(path, "an orthographic camera has no lens: fStop is not used")
-        return 0.0, 0.0
-    radius = 0.1 * gf_camera.focalLength / (2.0 * gf_camera.fStop)
-    if not (0.0 < radius < math.inf and 0.0 < gf_camera.focusDistance < math.inf):
-        reading.warn(path, "fStop and focusDistance must be above 0 for depth of field; everything is in focus")
-        return 0.0, 0.0
-    return radius, gf_camera.focusDistance
-
-
-def _shutter(prim: Any, settings: Settings, reading: Reading) -> tuple[float, float]:
-    opens, closes = (reading.number(prim, f"shutter:{name}", 0.0) for name in ("open", "close"))
-    if settings.disable_motion_blur or opens == closes:
-        return 0.0, 0.0
-    if not (math.isfinite(opens) and math.isfinite(closes) and opens < closes):
-        reading.warn(prim.GetPath(), f"shutter:open {opens:g} is not before shutter:close {closes:g}; no motion blur")
-        return 0.0, 0.0
-    return opens, closes
-
-
-def _exposure(prim: Any, reading: Reading) -> float:
-    """Factor on the picture: responsivity * time * iso / 100 * 2^exposure / fStop^2, of the exposure's attributes."""
-    scale = UsdGeom.Camera(prim).ComputeLinearExposureScale(reading.time)
-    if not 0.0 <= scale <= MAX_EXPOSURE:
-        reading.warn(prim.GetPath(), f"the camera's exposure is a factor of {scale:g}; 1 is used")
-        return 1.0
-    return float(scale)
-
-
-def _is_invertible(linear: NDArray[np.float64]) -> bool:
-    """Whether the three axes are finite, have a length and do not lie in one plane."""
-    lengths = np.linalg.norm(linear, axis=1, keepdims=True)
-    if not np.isfinite(lengths).all() or not lengths.all():
-        return False
-    return bool(abs(np.linalg.det(linear / lengths)) > 1e-9)
-
-
 def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) -> tuple[int, int]:
     """(width, height) [pixel]: height from the aperture's aspect where `width` is given or nothing is authored."""
     if width is None and settings.resolution is not None:
@@ -202,9 +137,7 @@ def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) ->
 def fitted_camera(path: str, gf_camera: Any, resolution: tuple[int, int], settings: Settings) -> Camera:
     """The camera whose window has the picture's aspect, as a pinhole or orthographic.
 
-    An orthographic camera's aperture, in tenths of a scene unit, is its window itself.
-
-    Scale and shear of the transform are left out, and a mirrored one is turned back, as GfFrustum does.
+    An orthographic camera's aperture, in tenths of the camera's units, is its window itself.
     """
     orthographic = gf_camera.projection == Gf.Camera.Orthographic
     focal = 10.0 if orthographic else gf_camera.focalLength
@@ -212,15 +145,15 @@ def fitted_camera(path: str, gf_camera: Any, resolution: tuple[int, int], settin
     aspect = resolution[0] * settings.pixel_aspect_ratio / resolution[1]
     half_width, half_height = (0.5 * side for side in conformed_window(size, aspect, settings.conform_policy))
     x, y = gf_camera.horizontalApertureOffset / focal, gf_camera.verticalApertureOffset / focal
-    frustum = gf_camera.frustum
-    axes = [np.array(frustum.rotation.TransformDir(Gf.Vec3d(*axis))) for axis in np.eye(3).tolist()]
+    frame, _ = frame_of(np.array(gf_camera.transform))
+    across, up = (length / (1.0 if orthographic else frame.scale[2]) for length in frame.scale[:2])
     return Camera(
         path=path,
-        position=np.array(frustum.position),
-        right_axis=axes[0],
-        up_axis=axes[1],
-        forward=-axes[2],
-        window=(x - half_width, x + half_width, y - half_height, y + half_height),
+        position=frame.position,
+        right_axis=frame.right,
+        up_axis=frame.up,
+        forward=frame.forward,
+        window=(across * (x - half_width), across * (x + half_width), up * (y - half_height), up * (y + half_height)),
         orthographic=orthographic,
     )
 

@@ -16,6 +16,7 @@ from warpmis.usd.reading import Reading
 def clipping_planes(
     prim: Any,
     camera: Camera,
+    scale: tuple[float, float, float],
     geometry: Geometry,
     solids: list[Bounds],
     light_boxes: list[Bounds],
@@ -23,12 +24,14 @@ def clipping_planes(
 ) -> NDArray[np.float64]:
     """The planes as Camera.clipping_planes has them, shape (n, 4); `solids` hold what is there beside the geometry.
 
+    They are authored in the camera's own space, whose units are `scale` long across, up and ahead.
+
     A clippingRange counts where it is authored: its fallback, from 1 on, would cut into any small scene. Its ends are
     left out where nothing in view lies beyond them, so that the kernel need not know of them.
     """
     schema = UsdGeom.Camera(prim)
     planes = []
-    near, far = _range(schema, reading)
+    near, far = (scale[2] * end for end in _range(schema, reading))
     if near > 0.0 and _is_near(camera, near, geometry, [*solids, *light_boxes]):
         planes.append([*camera.forward, -near])
     depths = [(geometry.points - camera.position) @ camera.forward]
@@ -37,7 +40,7 @@ def clipping_planes(
         planes.append([*-camera.forward, far])
     for plane in reading.get(schema.GetClippingPlanesAttr(), ()):
         a, b, c, d = plane
-        normal = a * camera.right_axis + b * camera.up_axis - c * camera.forward
+        normal = a / scale[0] * camera.right_axis + b / scale[1] * camera.up_axis - c / scale[2] * camera.forward
         length = np.linalg.norm(normal)
         if not (np.isfinite([*normal, d]).all() and length > 0.0):
             reading.warn(prim.GetPath(), f"clipping plane {plane} has no normal; it is left out")
@@ -60,8 +63,8 @@ def _range(schema: Any, reading: Reading) -> tuple[float, float]:
 def _is_near(camera: Camera, near: float, geometry: Geometry, boxes: list[Bounds]) -> bool:
     """Whether a triangle's box, or one of `boxes`, meets the box of what the camera sees before the near plane."""
     left, right, bottom, top = np.array(camera.window) * (1.0 if camera.orthographic else near)
-    low = np.array([min(left, 0.0), min(bottom, 0.0), 0.0]) - camera.lens_radius
-    high = np.array([max(right, 0.0), max(top, 0.0), near]) + camera.lens_radius
+    low = np.array([min(left, right, 0.0), min(bottom, top, 0.0), 0.0]) - camera.lens_radius
+    high = np.array([max(left, right, 0.0), max(bottom, top, 0.0), near]) + camera.lens_radius
     corners = ((geometry.points - camera.position) @ _axes(camera).T)[geometry.triangles]
     views = [(corners.min(axis=1), corners.max(axis=1))] if len(corners) else []
     views += [_in_view(camera, box) for box in boxes]
