@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from warpmis.usd.reading import PxrError, Reading, one_line
+from warpmis.usd.visibility import Shown, shown_below
 
 FloatArray = NDArray[np.float64]
 
 # Prototypes may stand under an `over` or a `class`, so that they are not rendered on their own.
 SCENE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 PROTOTYPE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier)
+
+# What pxr makes an instance's transform and mask of.
+INSTANCE_ATTRIBUTES = (
+    *("ids", "invisibleIds", "positions", "orientations", "orientationsf", "scales"),
+    *("velocities", "accelerations", "angularVelocities"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +44,7 @@ class _Visit:
 
     prim: Any
     matrices: FloatArray
-    parent_purpose: Any
+    above: Shown
     predicate: Any
     instancers: tuple[Any, ...]
 
@@ -51,7 +58,8 @@ def placements(reading: Reading) -> Iterator[Placement]:
     """
     transforms = UsdGeom.XformCache(reading.time)
     root = reading.stage.GetPseudoRoot()
-    pending = [_Visit(p, np.eye(4)[None], None, SCENE_PRIMS, ()) for p in root.GetFilteredChildren(SCENE_PRIMS)][::-1]
+    top = root.GetFilteredChildren(SCENE_PRIMS)
+    pending = [_Visit(prim, np.eye(4)[None], Shown(), SCENE_PRIMS, ()) for prim in top][::-1]
     while pending:
         visit = pending.pop()
         try:
@@ -66,55 +74,56 @@ def placements(reading: Reading) -> Iterator[Placement]:
 
 def _visited(visit: _Visit, transforms: Any, reading: Reading) -> tuple[Placement | None, list[_Visit]]:
     """The prim's placement, if it is to be rendered, and the visits that follow from it."""
-    prim, purpose = visit.prim, visit.parent_purpose
-    imageable = UsdGeom.Imageable(prim)
-    if imageable:
-        if reading.get(imageable.GetVisibilityAttr()) == UsdGeom.Tokens.invisible:
-            return None, []
-        purpose = imageable.ComputePurposeInfo(purpose) if purpose else imageable.ComputePurposeInfo()
-    matrices = _world_matrices(prim, visit.matrices, transforms)
+    prim = visit.prim
+    shown = shown_below(prim, visit.above, reading)
+    if shown is None:
+        return None, []
+    matrices = _world_matrices(prim, visit.matrices, transforms, reading)
     if not np.isfinite(matrices).all():
         reading.warn(prim.GetPath(), "left out with everything below it: its transform is not finite")
         return None, []
     if prim.IsA(UsdGeom.PointInstancer):
-        return None, _instancer_visits(visit, purpose, matrices, reading)
-    rendered = purpose is None or str(purpose.purpose) in reading.purposes
+        return None, _instancer_visits(visit, shown, matrices, reading)
     children = [
-        _Visit(child, matrices, purpose, visit.predicate, visit.instancers)
+        _Visit(child, matrices, shown, visit.predicate, visit.instancers)
         for child in prim.GetFilteredChildren(visit.predicate)
     ]
-    return (Placement(prim, matrices) if rendered else None), children
+    return (Placement(prim, matrices) if shown.is_rendered(reading) else None), children
 
 
-def _world_matrices(prim: Any, parent: FloatArray, transforms: Any) -> FloatArray:
+def _world_matrices(prim: Any, parent: FloatArray, transforms: Any, reading: Reading) -> FloatArray:
     """Local to world for each of the parent's matrices, shape (k, 4, 4)."""
     if not prim.IsA(UsdGeom.Xformable):
         return parent
     local, resets = transforms.GetLocalTransformation(prim)
     matrix = np.array(local)
+    if np.array_equal(matrix, np.eye(4)):
+        reading.get(UsdGeom.Xformable(prim).GetXformOpOrderAttr())  # pxr leaves out silently what is no list of tokens
     if resets:
         return np.broadcast_to(matrix, parent.shape)
     return matrix @ parent
 
 
-def _instancer_visits(visit: _Visit, purpose: Any, matrices: FloatArray, reading: Reading) -> list[_Visit]:
+def _instancer_visits(visit: _Visit, shown: Shown, matrices: FloatArray, reading: Reading) -> list[_Visit]:
     """One visit for each prototype that has instances, with the instances' matrices as its parent's."""
     path = visit.prim.GetPath()
     if path in visit.instancers:
         reading.warn(path, "left out: it is one of its own prototypes")
         return []
     instancer = UsdGeom.PointInstancer(visit.prim)
-    prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
+    prototypes = reading.targets(instancer.GetPrototypesRel(), "its instances are left out")
     which, instances = _instances(instancer, len(prototypes), reading)
     visits = []
     for number in np.unique(which):
         prototype = reading.stage.GetPrimAtPath(prototypes[number])
-        if not prototype or not prototype.IsActive():
-            reading.warn(path, f"its prototype {prototypes[number]} does not exist; its instances are left out")
+        if not prototype:
+            continue
+        if not prototype.IsActive():
+            reading.warn(path, f"its prototype {prototypes[number]} is not active; its instances are left out")
             continue
         own = instances[which == number]
         world = (own[None] @ matrices[:, None]).reshape(-1, 4, 4)
-        visits.append(_Visit(prototype, world, purpose, PROTOTYPE_PRIMS, (*visit.instancers, path)))
+        visits.append(_Visit(prototype, world, shown, PROTOTYPE_PRIMS, (*visit.instancers, path)))
     return visits
 
 
@@ -126,6 +135,8 @@ def _instances(instancer: Any, prototypes: int, reading: Reading) -> tuple[NDArr
     """
     path = instancer.GetPath()
     which = reading.indices(instancer.GetProtoIndicesAttr())
+    for name in INSTANCE_ATTRIBUTES:  # pxr leaves out silently what is of the wrong type
+        reading.get(instancer.GetPrim().GetAttribute(name))
     if not len(which):
         return which, np.empty((0, 4, 4))
     computed = instancer.ComputeInstanceTransformsAtTime(
