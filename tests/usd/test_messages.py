@@ -119,5 +119,5 @@ def test_what_could_not_be_composed_explains_an_empty_stage_in_one_line(tmp_path
 
 def test_products_that_are_none_are_named_in_the_refusal():
     stage = stage_of('def RenderSettings "S"\n{\n    rel products = [</Gone>]\n}\n')
-    with pytest.raises(StageError, match=r"no products; /S: its product /Gone is no RenderProduct prim"):
+    with pytest.raises(StageError, match=r"no products; /S.products: its target /Gone does not exist"):
         read_products(stage, render_settings="/S")

@@ -92,11 +92,11 @@ def _read_all(reading: Reading, render_settings: str | None) -> tuple[Product, .
     if settings is None:
         raise StageError("there are no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())
     products = []
-    for target in settings.GetProductsRel().GetForwardedTargets():
+    for target in reading.targets(settings.GetProductsRel(), "it is not rendered"):
         prim = stage.GetPrimAtPath(target)
         if prim and prim.IsA(UsdRender.Product):
             products.append(_read(UsdRender.Product(prim), replace(reading, warnings=Messages())))
-        else:
+        elif prim:
             reading.warn(settings.GetPath(), f"its product {target} is no RenderProduct prim")
     if not products:
         raise StageError("these RenderSettings have no products", str(settings.GetPath()))
@@ -110,7 +110,7 @@ def _read(product: Any, reading: Reading) -> Product:
         reading.warn(path, f"productType {kind} is not supported; a raster is rendered")
     file = _file_name(product, reading)
     channels: dict[str, str] = {}
-    targets = product.GetOrderedVarsRel().GetForwardedTargets()
+    targets = reading.targets(product.GetOrderedVarsRel(), "it is left out")
     for target in targets:
         channels |= _channels(reading.stage.GetPrimAtPath(target), str(target), reading)
     if targets and not channels:
@@ -132,7 +132,9 @@ def _file_name(product: Any, reading: Reading) -> str:
 
 def _channels(prim: Any, path: str, reading: Reading) -> dict[str, str]:
     """A RenderVar's channels; a layer is named by the prim, unless that is a usual name of what it is."""
-    if not prim or not prim.IsA(UsdRender.Var):
+    if not prim:
+        return {}
+    if not prim.IsA(UsdRender.Var):
         reading.warn(path, "there is no RenderVar here")
         return {}
     var, name = UsdRender.Var(prim), str(prim.GetName())

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, UsdUtils
+from pxr import Sdf, Tf, UsdUtils
 
 from warpmis.usd.messages import Messages
 
@@ -52,20 +52,47 @@ class Reading:
         """Records what was supplied, of a prim or of the whole stage."""
         self.notes.add(path, message)
 
-    def get(self, attribute: Any, default: Any = None) -> Any:
+    def get(self, attribute: Any, default: Any = None, like: Any = None) -> Any:
         """The attribute's value at the reading's time; `default` where it has none.
 
-        A value of a type that the schema does not give the attribute (USD lets it be authored) is left out with a
-        warning; numbers of another precision are not.
+        USD lets a value be of another type than its attribute. Such a value is left out with a warning; numbers of
+        another precision are not.
+
+        Args:
+            like: a value of the type that is wanted, for attributes whose type no schema fixes, such as a shader's
+                inputs: "" for a string or token, False, 0.0, Sdf.AssetPath(), an array of the shape.
         """
-        value = attribute.Get(self.time) if attribute else None
+        value = self.value(attribute)
         if value is None:
             return default
-        expected = attribute.GetTypeName().defaultValue
-        if type(value) is not type(expected) and not _is_convertible(np.asarray(value), np.asarray(expected)):
-            self.warn(attribute.GetPath(), f"left out: its value is not of type {attribute.GetTypeName()}")
+        if not is_alike(value, attribute.GetTypeName().defaultValue if like is None else like):
+            name = attribute.GetTypeName() if like is None else type_name(like)
+            self.warn(attribute.GetPath(), f"left out: its value is not of type {name}")
             return default
         return value
+
+    def value(self, attribute: Any) -> Any:
+        """The attribute's value at the reading's time, of whatever type; None without any."""
+        try:
+            return attribute.Get(self.time) if attribute else None
+        except PxrError as error:
+            self.warn(attribute.GetPath(), f"left out: {one_line(error)}")
+            return None
+
+    def targets(self, relationship: Any, otherwise: str = "") -> list[Any]:
+        """The paths that a relationship leads to, in order, with a warning for each that does not exist if `otherwise`
+        says what happens then."""
+        if not relationship:
+            return []
+        try:
+            paths = list(relationship.GetForwardedTargets())
+        except PxrError as error:
+            self.warn(relationship.GetPath(), f"left out: {one_line(error)}")
+            return []
+        for path in paths:
+            if otherwise and not self.stage.GetObjectAtPath(path):
+                self.warn(relationship.GetPath(), f"its target {path} does not exist; {otherwise}")
+        return paths
 
     def indices(self, attribute: Any) -> NDArray[np.int64]:
         """An int array attribute, shape (n,); empty where it has no value."""
@@ -93,6 +120,18 @@ class Reading:
         return float(self.get(prim.GetAttribute(name), default))
 
 
+def is_alike(value: Any, expected: Any) -> bool:
+    """Whether a value is of the expected one's type, or numbers of its kind and shape, whatever their precision."""
+    if type(value) is type(expected):
+        return True
+    return _is_array(value) == _is_array(expected) and _is_convertible(np.asarray(value), np.asarray(expected))
+
+
+def _is_array(value: Any) -> bool:
+    """Whether it is one of pxr's arrays: a matrix is none, though it looks like four rows."""
+    return type(value).__name__.endswith("Array")
+
+
 def _is_convertible(value: NDArray[Any], expected: NDArray[Any]) -> bool:
     """Whether a value is numbers of the expected kind and shape; an expected array is empty, shape (0, ...)."""
     kinds = "iub" if expected.dtype.kind in "iub" else "iubf"
@@ -101,6 +140,13 @@ def _is_convertible(value: NDArray[Any], expected: NDArray[Any]) -> bool:
     if expected.ndim and len(expected) == 0:
         return value.ndim == expected.ndim and value.shape[1:] == expected.shape[1:]
     return value.shape == expected.shape
+
+
+def type_name(like: Any) -> str:
+    """What a value such as `like` is called in a stage."""
+    if isinstance(like, np.ndarray):
+        return f"float{len(like)}"
+    return {str: "token or string", bool: "bool", float: "float", Sdf.AssetPath: "asset"}[type(like)]
 
 
 def consistent_counts(

@@ -96,9 +96,9 @@ def _read(settings: Any, reading: Reading) -> Settings:
 
 def _read_base(prim: Any, below: Settings, reading: Reading) -> Settings:
     """What RenderSettings and RenderProducts have in common: what the prim authors, else what stands `below` it."""
-    cameras = prim.GetCameraRel().GetForwardedTargets()
+    cameras = reading.targets(prim.GetCameraRel(), "another camera is used")
     authored: dict[str, Any] = {"path": str(prim.GetPath())}
-    if cameras:
+    if cameras and reading.stage.GetPrimAtPath(cameras[0]):
         authored["camera"] = str(cameras[0])
     readers: dict[str, tuple[Any, Any]] = {
         "resolution": (prim.GetResolutionAttr(), _resolution),

@@ -138,7 +138,7 @@ def warn_unhonoured(prim: Any, reading: Reading) -> None:
     found = {
         "shaping (focus, cone, IES)": prim.HasAPI(UsdLux.ShapingAPI) and _shapes_in_vain(prim),
         "shadow color, distance and falloff": prim.HasAPI(UsdLux.ShadowAPI) and _shadows(prim, reading),
-        "light filters": bool(light.GetFiltersRel().GetTargets()),
+        "light filters": bool(reading.targets(light.GetFiltersRel())),
     }
     for feature, present in found.items():
         if present:

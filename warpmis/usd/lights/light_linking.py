@@ -11,7 +11,7 @@ from pxr import UsdLux
 
 from warpmis.scene import DomeLight, Light, Prim
 from warpmis.scene.light_control import PLAIN, LightControl
-from warpmis.usd.reading import Reading
+from warpmis.usd.reading import PxrError, Reading, one_line
 
 
 def linked_lights(lights: list[Light], prims: list[Prim], reading: Reading) -> tuple[Light, ...]:
@@ -60,10 +60,16 @@ def _linked(path: str, control: LightControl, paths: list[str], reading: Reading
 
 def members(collection: Any, paths: list[str], reading: Reading) -> NDArray[np.bool_] | None:
     """Which of the paths a collection holds, shape (len(paths),); None for all."""
-    excludes = collection.GetExcludesRel()
+    excludes = reading.targets(collection.GetExcludesRel(), "nothing is excluded by it")
+    reading.targets(collection.GetIncludesRel(), "nothing is included by it")
+    reading.get(collection.GetExpansionRuleAttr())
     everything = reading.get(collection.GetIncludeRootAttr(), True)
-    if everything and not (excludes and excludes.HasAuthoredTargets()):
+    if everything and not excludes:
         return None
-    query = collection.ComputeMembershipQuery()
+    try:
+        query = collection.ComputeMembershipQuery()
+    except PxrError as error:
+        reading.warn(collection.GetCollectionPath(), f"it is taken to hold everything: {one_line(error)}")
+        return None
     held = np.array([query.IsPathIncluded(path) for path in paths], bool)
     return None if held.all() else held

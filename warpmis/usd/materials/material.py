@@ -15,7 +15,7 @@ from warpmis.usd.materials.materialx import MaterialXNetwork, is_materialx, read
 from warpmis.usd.materials.preview_surface import clamped, read_preview_surface
 from warpmis.usd.materials.shading_network import ShadingNetwork
 from warpmis.usd.materials.texture import TextureReader
-from warpmis.usd.reading import Reading
+from warpmis.usd.reading import PxrError, Reading, one_line
 from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead, corner_primvars, primvar_elements
 from warpmis.usd.shapes.surfaces import Shading, Surface
 
@@ -98,7 +98,11 @@ class MaterialReader:
     def _binding(self, prim: Any) -> tuple[Any, Any]:
         """Material and relationship of the first purpose that is bound; USD resolves strength and collections."""
         for purpose in self.purposes:
-            material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+            try:
+                material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+            except PxrError as error:
+                self.reading.warn(prim.GetPath(), f"its binding cannot be read: {one_line(error)}")
+                continue
             # A purpose without a binding of its own is answered with that for all purposes.
             if relationship and _purpose_of(relationship) == purpose:
                 return material, relationship
@@ -111,7 +115,7 @@ class MaterialReader:
         if not shader:
             self.reading.warn(path, "it has no UsdPreviewSurface; displayColor is used")
             return None
-        kind = str(shader.GetIdAttr().Get() or shader.GetImplementationSource())
+        kind = str(self.reading.get(shader.GetIdAttr()) or shader.GetImplementationSource())
         if kind == "UsdPreviewSurface":
             network = ShadingNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_preview_surface(shader, network), network.columns)

@@ -14,7 +14,7 @@ import numpy as np
 from warpmis.scene import Material
 from warpmis.scene.texture import Lookup, PrimvarLookup, TextureLookup, is_lookup
 from warpmis.usd.materials.preview_surface import clamped, constant_if_uniform, read_preview_surface
-from warpmis.usd.materials.shading_network import IDENTITY, ShadingNetwork, Transform, is_input, node_of, source_of
+from warpmis.usd.materials.shading_network import IDENTITY, ShadingNetwork, Transform, is_input
 from warpmis.usd.shapes.primvar import PrimvarRead
 
 WRAP_MODES = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
@@ -87,7 +87,7 @@ def is_materialx(kind: str) -> bool:
 
 def read_materialx(shader: Any, network: MaterialXNetwork) -> Material:
     """The nearest UsdPreviewSurface of a MaterialX surface shader."""
-    kind = str(shader.GetIdAttr().Get())
+    kind = network.kind(shader)
     if kind == PREVIEW_SURFACE:
         return read_preview_surface(shader, network)
     model = MODELS[kind]
@@ -124,11 +124,7 @@ def _input(shader: Any, network: MaterialXNetwork, name: str, default: float, wi
     fallback = np.full(width, default)
     if is_lookup(value):
         return value
-    try:
-        number = fallback if value is None else np.broadcast_to(np.asarray(value, np.float64), width)
-    except (TypeError, ValueError):
-        network.reading.warn(network.path, f"inputs:{name} is of the wrong type; its default is used")
-        number = fallback
+    number = fallback if value is None else np.broadcast_to(np.asarray(value, np.float64), width)
     inside = clamped(network.path, f"inputs:{name}", number, fallback, 0.0, high, network.reading)
     return tuple(inside.tolist()) if width == 3 else float(inside[0])
 
@@ -192,12 +188,12 @@ class MaterialXNetwork(ShadingNetwork):
 
     def _image(self, node: Any, kind: str, width: int) -> Any:
         """A lookup of an image node; its `default` where the picture cannot be read."""
-        file = source_of(node, "file")
+        file = self.source(node, "file")
         texture = None
         if file is not None and is_input(file):
             texture = self.textures.read(file, "sRGB" if str(file.GetColorSpace()) in SRGB_NAMES else "raw")
         if texture is None:
-            return self.constant(node, "default", None)
+            return self.vector(node, "default", width, None)
         column, transform = self._texcoord(node, kind)
         return TextureLookup(
             texture=texture,
@@ -210,9 +206,9 @@ class MaterialXNetwork(ShadingNetwork):
 
     def _texcoord(self, node: Any, kind: str) -> tuple[int, Transform]:
         """Column of an image node's coordinates, and the map of a tiled one: st * uvtiling - uvoffset."""
-        name, source = "st", node_of(node, "texcoord")
+        name, source = "st", self.node(node, "texcoord")
         if source is not None:
-            source_kind = str(source.GetIdAttr().Get())
+            source_kind = self.kind(source)
             if source_kind == "ND_geompropvalue_vector2":
                 name = str(self.constant(source, "geomprop", "st"))
             elif source_kind == "ND_texcoord_vector2":

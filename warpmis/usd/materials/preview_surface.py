@@ -62,11 +62,7 @@ def _constant_ior(ior: float | Lookup, network: ShadingNetwork) -> float:
 
 def _constant(shader: Any, network: ShadingNetwork, name: str, default: float) -> float:
     """A number within [0, 1] that cannot vary over the surface."""
-    value = np.atleast_1d(np.asarray(network.constant(shader, name, default)))
-    if value.shape != (1,) or value.dtype.kind not in "fiub":
-        network.reading.warn(network.path, f"inputs:{name} is of the wrong type; its default is used")
-        return default
-    number, fallback = value.astype(np.float64), np.array([default])
+    number, fallback = np.array([network.constant(shader, name, default)], np.float64), np.array([default])
     return float(clamped(network.path, f"inputs:{name}", number, fallback, 0.0, 1.0, network.reading)[0])
 
 
@@ -96,7 +92,9 @@ def _normal_map(shader: Any, network: ShadingNetwork) -> TextureLookup | None:
 
 def _is_displaced(shader: Any, reading: Reading) -> bool:
     shader_input = shader.GetInput("displacement")
-    return bool(shader_input) and (shader_input.HasConnectedSource() or reading.get(shader_input.GetAttr(), 0.0) != 0.0)
+    return bool(shader_input) and (
+        shader_input.HasConnectedSource() or reading.get(shader_input.GetAttr(), 0.0, 0.0) != 0.0
+    )
 
 
 def _color(shader: Any, network: ShadingNetwork, name: str, default: Color, low: float, high: float) -> Color | Lookup:
@@ -124,11 +122,7 @@ def _value(
     value = network.value(shader, name, len(default))
     if value is None or is_lookup(value):
         return default if value is None else value
-    try:
-        number = np.broadcast_to(np.atleast_1d(np.asarray(value, np.float64)), default.shape)
-    except (TypeError, ValueError):
-        network.reading.warn(network.path, f"inputs:{name} is of the wrong type; its default is used")
-        return default
+    number = np.broadcast_to(np.atleast_1d(np.asarray(value, np.float64)), default.shape)
     return clamped(network.path, f"inputs:{name}", number, default, low, high, network.reading)
 
 

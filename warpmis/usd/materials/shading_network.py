@@ -50,15 +50,15 @@ class ShadingNetwork:
     pending: list[Any] = field(default_factory=list)
 
     def value(self, shader: Any, name: str, width: int) -> Any:
-        """What an input takes: a constant as USD has it, a lookup of `width` components (1 or 3), or None.
+        """What an input takes: a constant of `width` components (1 or 3) or a single number, a lookup, or None.
 
         None is for the input's default: nothing is authored, or with a warning, what is connected is not known.
         """
-        attribute = source_of(shader, name)
+        attribute = self.source(shader, name)
         if attribute is None or is_input(attribute):
-            return self.reading.get(attribute)
+            return self._numbers(attribute, width)
         node, output = UsdShade.Shader(attribute.GetPrim()), str(attribute.GetBaseName())
-        kind = str(node.GetIdAttr().Get()) if node else str(attribute.GetPrim().GetTypeName())
+        kind = self.kind(node) if node else str(attribute.GetPrim().GetTypeName())
         if attribute.GetPath() in self.pending:
             self.reading.warn(self.path, f"{attribute.GetPath()} is connected to itself in a circle; it is not used")
             return None
@@ -69,8 +69,7 @@ class ShadingNetwork:
             return found
         where = f"{kind} {attribute.GetPrim().GetPath()}"
         self.reading.warn(self.path, f"inputs:{name} is connected to {where}; its fallback is used")
-        fallback = attribute.GetPrim().GetAttribute("inputs:fallback")
-        return self.reading.get(fallback) if fallback else None
+        return self._numbers(attribute.GetPrim().GetAttribute("inputs:fallback"), width)
 
     def node_value(self, node: Any, kind: str, output: str, width: int) -> tuple[bool, Any]:
         """Whether a node of this kind is known, and what it gives: a lookup, a constant, or None."""
@@ -81,12 +80,13 @@ class ShadingNetwork:
         return False, None
 
     def constant(self, shader: Any, name: str, default: Any) -> Any:
-        """An input's constant, through any interface connections; with a warning, `default` where it is no constant."""
-        attribute = source_of(shader, name)
+        """An input's constant of the default's type, through any interface connections; with a warning, `default` where
+        it is of another type or no constant."""
+        attribute = self.source(shader, name)
         if attribute is None:
             return default
         if is_input(attribute):
-            return self.reading.get(attribute, default)
+            return self.reading.get(attribute, default, like=default)
         self.reading.warn(shader.GetPath(), f"inputs:{name} must be constant; {default} is used")
         return default
 
@@ -95,7 +95,7 @@ class ShadingNetwork:
         channels = output if output in ("r", "g", "b", "a") else "rgb" if width == 3 else "r"
         fallback = self._vec4(node, "fallback", None)
         texture = None
-        file = source_of(node, "file")
+        file = self.source(node, "file")
         if file is not None and is_input(file):
             texture = self.textures.read(file, self._token(node, "sourceColorSpace", COLOR_SPACES, "auto"))
         else:
@@ -122,10 +122,10 @@ class ShadingNetwork:
 
     def _coordinates(self, node: Any, name: str, depth: int = 0) -> tuple[int, Transform]:
         """Column of the texture coordinates that an input takes, and the map that they go through."""
-        attribute = source_of(node, name)
+        attribute = self.source(node, name)
         if attribute is not None and not is_input(attribute):
             source = UsdShade.Shader(attribute.GetPrim())
-            kind = str(source.GetIdAttr().Get()) if source else ""
+            kind = self.kind(source) if source else ""
             if kind == "UsdTransform2d" and depth < MAX_TRANSFORMS:
                 column, before = self._coordinates(source, "in", depth + 1)
                 return column, self._transform(source, before)
@@ -168,30 +168,48 @@ class ShadingNetwork:
 
     def vector(self, node: Any, name: str, components: int, default: Any) -> Any:
         """A constant of so many components, finite."""
-        value = self.constant(node, name, default)
-        if value is default:
+        attribute = self.source(node, name)
+        if attribute is not None and not is_input(attribute):
+            self.reading.warn(node.GetPath(), f"inputs:{name} must be constant; {default} is used")
             return default
-        try:
-            vector = np.broadcast_to(np.atleast_1d(np.asarray(value, np.float64)), components)
-        except (TypeError, ValueError):
-            vector = np.full(components, np.nan)
+        value = self._numbers(attribute, components)
+        if value is None:
+            return default
+        vector = np.broadcast_to(np.atleast_1d(np.asarray(value, np.float64)), components)
         if not np.isfinite(vector).all():
             self.reading.warn(node.GetPath(), f"inputs:{name} must be {components} finite numbers; it is not used")
             return default
         return tuple(vector.tolist())
 
+    def _numbers(self, attribute: Any, width: int) -> Any:
+        """A constant of `width` components as USD has it, or of one, which stands for all; None without one."""
+        if not attribute:
+            return None
+        is_single = width == 1 or str(attribute.GetTypeName()) in ("float", "double", "half")
+        return self.reading.get(attribute, like=0.0 if is_single else np.zeros(width))
 
-def source_of(shader: Any, name: str) -> Any:
-    """The attribute that gives an input its value: an input with a constant, or a node's output; None without any."""
-    shader_input = shader.GetInput(name)
-    producing = UsdShade.Utils.GetValueProducingAttributes(shader_input) if shader_input else []
-    return producing[0] if producing else None
+    def kind(self, node: Any) -> str:
+        """The identifier of a node's shader, "None" where it has none."""
+        return str(self.reading.get(node.GetIdAttr()))
 
+    def source(self, shader: Any, name: str) -> Any:
+        """The attribute that gives an input its value: an input with a constant, or a node's output; None without any,
+        with a warning where the input is connected to what does not exist."""
+        shader_input = shader.GetInput(name)
+        if not shader_input:
+            return None
+        producing = UsdShade.Utils.GetValueProducingAttributes(shader_input)
+        if producing:
+            return producing[0]
+        for path in shader_input.GetRawConnectedSourcePaths():
+            if not self.reading.stage.GetObjectAtPath(path):
+                self.reading.warn(shader_input.GetAttr().GetPath(), f"it is connected to {path}, which does not exist")
+        return None
 
-def node_of(shader: Any, name: str) -> Any:
-    """The node that an input is connected to, or None."""
-    attribute = source_of(shader, name)
-    return None if attribute is None or is_input(attribute) else UsdShade.Shader(attribute.GetPrim())
+    def node(self, shader: Any, name: str) -> Any:
+        """The node that an input is connected to, or None."""
+        attribute = self.source(shader, name)
+        return None if attribute is None or is_input(attribute) else UsdShade.Shader(attribute.GetPrim())
 
 
 def is_input(attribute: Any) -> bool:

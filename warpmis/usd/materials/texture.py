@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import UsdShade
+from pxr import Sdf, UsdShade
 
 from warpmis.scene.texture import FIRST_TILE, Texture
 from warpmis.usd.materials.image import Picture, PictureError, read_stored, srgb_to_linear
@@ -47,7 +47,7 @@ class TextureReader:
 
     def _tile_paths(self, attribute: Any) -> dict[int, str]:
         """Resolved path of each tile that there is, by UDIM number; a picture without tiles is FIRST_TILE."""
-        asset = self.reading.get(attribute)
+        asset = self.reading.get(attribute, like=Sdf.AssetPath())
         if asset is None or not asset.path:
             self.reading.warn(attribute.GetPath(), "the texture names no file; its fallback is used")
             return {}

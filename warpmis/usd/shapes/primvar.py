@@ -76,9 +76,9 @@ def primvar_elements(
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if not primvar or not primvar.HasValue():
         return nothing
-    values = np.asarray(primvar.Get(reading.time))
+    values = np.asarray(reading.value(primvar.GetAttr()))
     if values.dtype.kind not in "fiu" or values.size % width or (values.ndim == 2 and values.shape[1] != width):
-        reading.warn(prim.GetPath(), f"primvars:{name} is of the wrong type; it is not used")
+        reading.warn(primvar.GetAttr().GetPath(), "left out: it is of the wrong type")
         return nothing
     values = values.astype(np.float64).reshape(-1, width)
     indices = reading.indices(primvar.GetIndicesAttr()) if primvar.IsIndexed() else np.arange(len(values))

@@ -8,6 +8,11 @@ from pxr import Gf, Usd, UsdSkel
 
 from warpmis.usd.reading import PxrError, Reading
 
+# What leads from a skinned prim to what poses it, and what becomes of the prim without. Of skel:skeleton pxr warns.
+RELATED = {
+    "skel:animationSource": "it stays in its rest pose",
+    "skel:blendShapeTargets": "it is not used",
+}
 ANIMATED = ("translations", "rotations", "scales", "blendShapeWeights")
 
 
@@ -29,9 +34,11 @@ def bake_skinning(reading: Reading) -> None:
         if prim.IsA(UsdSkel.Animation):
             for name in ANIMATED:
                 attribute = prim.GetAttribute(name)
-                value = attribute.Get(time) if attribute else None
+                value = reading.get(attribute)
                 if value is not None:
                     attribute.Set(value, time)
+        for name, otherwise in RELATED.items():
+            reading.targets(prim.GetRelationship(name), otherwise)
     for prim in [prim for prim in _prims(stage) if prim.IsA(UsdSkel.Root)]:
         try:
             baked = UsdSkel.BakeSkinning(UsdSkel.Root(prim), Gf.Interval(time.GetValue(), time.GetValue()))
