@@ -45,6 +45,7 @@ class SettingsDict(TypedDict, total=False):
         allocation: shares of method "fixed"; a picture of them is named by its shape.
         camera: path of the camera, "" where one was supplied.
         shutter_samples: number of times within the shutter's interval, if there were several.
+        denoise: whether there is a denoised picture.
     """
 
     width: int | None
@@ -65,6 +66,7 @@ class SettingsDict(TypedDict, total=False):
     learn: LearnSettings
     camera: str
     shutter_samples: int
+    denoise: bool
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -113,6 +113,9 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--shutter-samples", type=_positive, metavar="N", help="times within the shutter, for motion blur (1: none)"
     )
+    group.add_argument(
+        "--denoise", action="store_true", help="add a denoised picture (denoised.R, .G, .B); --png shows it"
+    )
     group.add_argument("--seed", type=int, metavar="N", help=f"the same seed gives the same image ({default.seed})")
     group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
 
@@ -321,6 +324,7 @@ def _render(
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
         more = given(shutter_samples=arguments.shutter_samples, uploads=uploads, features=forced_features(arguments))
+        more["denoise"] = arguments.denoise
         options = {**stage_options(arguments), **job.options}
         asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
         result = warpmis.render(arguments.stage, config=asked, progress=show, **options, **more)
@@ -360,11 +364,11 @@ def _write(result: RenderResult, job: Job, *, srgb: bool) -> None:
 
     targets = job.targets
     if targets["output"].lower().endswith(".png"):  # a product's
-        write_png(targets["output"], result.image, srgb=srgb)
+        write_png(targets["output"], result.shown, srgb=srgb)
     else:
         result.write(targets["output"], job.channels)
     if "png" in targets:
-        write_png(targets["png"], result.image, srgb=srgb)
+        write_png(targets["png"], result.shown, srgb=srgb)
     if "balance_map" in targets:
         picture = balance_map(result.allocation, result.strategies)
         write_display_png(targets["balance_map"], with_legend(picture, result.strategies))
@@ -395,6 +399,8 @@ def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: floa
     speed = speed_text(result.stats["samples"], tracing)
     told = result.stats.get("stopping", {})
     line = f"{out}: {width} x {height}, {told.get('spp', config.spp)} spp, {seconds:.1f} s, {speed}"
+    if "denoise" in result.stats:
+        line += f", denoised to an error below {100.0 * result.stats['denoise']['relative_error_bound']:.2g} %"
     if "bound" not in told:
         return line
     error = error_text(told["relative_error"], told["standard_error"])

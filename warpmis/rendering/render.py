@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warpmis.config import LearnConfig, RenderConfig, checked_integer
 from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.errors import ConfigError
+from warpmis.rendering.halves import render_halves
 from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.rounds import render_scene
@@ -40,6 +41,7 @@ def render(
     mask: Sequence[str] | None = None,
     session_layer: str | os.PathLike[str] | None = None,
     shutter_samples: int = 1,
+    denoise: bool = False,
     width: int | None = None,
     spp: int | None = None,
     target_error: float | None = None,
@@ -75,6 +77,7 @@ def render(
             stage, as in load_stage. Not for a Scene, which has been read already.
         shutter_samples: the number of times within the camera's shutter interval at which the stage is read, for motion
             blur; 1 for none.
+        denoise: render two independent halves, and make a second picture of them without noise (extra 'denoise').
         width: image width [pixel].
         spp: samples per pixel, learning included (256); the upper limit with a target error or a time limit (262144).
         target_error: render until the relative error is below this, 0.01 is 1 %.
@@ -115,13 +118,20 @@ def render(
     )  # fmt: skip
     config = _config(config, learn, settings, learning)
     shutter_samples = checked_integer("shutter samples", shutter_samples, low=1)
-    if not isinstance(stage, Scene):
-        return _render_stage(stage, options, config, shutter_samples, features, progress, uploads)
-    if shutter_samples > 1:
+    if isinstance(stage, Scene) and shutter_samples > 1:
         options["shutter_samples"] = shutter_samples
-    reporter = Reporter(progress)
-    reporter.phase("load")
-    return render_scene(_scene_as_read(stage, config, options), config, features, reporter, uploads)
+
+    def render_one(config: RenderConfig, progress: ProgressCallback | None) -> RenderResult:
+        if not isinstance(stage, Scene):
+            return _render_stage(stage, options, config, shutter_samples, features, progress, uploads)
+        reporter = Reporter(progress)
+        reporter.phase("load")
+        return render_scene(_scene_as_read(stage, config, options), config, features, reporter, uploads)
+
+    if not denoise:
+        return render_one(config, progress)
+    uploads = uploads or Uploads()  # the second half finds the first one's trees
+    return render_halves(render_one, config, progress)
 
 
 def _render_stage(

@@ -27,6 +27,8 @@ class RenderResult:
 
     Attributes:
         image: radiance, linear Rec.709, shape (H, W, 3) float32.
+        denoised: the picture without noise, if it was asked for, linear Rec.709, shape (H, W, 3) float32. `image` stays
+            as it was sampled.
         alpha: coverage from 0 to 1, shape (H, W) float32.
         albedo: mean reflectance at the first hit, linear Rec.709, shape (H, W, 3) float32.
         normal: mean shading normal at the first hit, world space, shape (H, W, 3) float32.
@@ -60,6 +62,7 @@ class RenderResult:
     strategies: tuple[str, ...]
     stats: RenderStats
     name: str
+    denoised: Float32Array | None = None
     round_allocations: tuple[Float32Array, ...] = ()
     ids: NDArray[np.int32] | None = None
     paths: tuple[str, ...] = ()
@@ -82,6 +85,11 @@ class RenderResult:
         if channels is not None:
             pictures = {name: pictures[own] for name, own in channels.items()}
         write_exr(path, pictures, header)
+
+    @property
+    def shown(self) -> Float32Array:
+        """The picture to look at: the denoised one if there is one, else `image`."""
+        return self.image if self.denoised is None else self.denoised
 
     def relative_error(self) -> float:
         """The relative error that the picture's own samples lead one to expect: 0.02 is 2 % (see metrics.py).
@@ -106,7 +114,7 @@ class RenderResult:
         from warpmis.output.notebook import notebook_html
 
         caption = f"{self!r}: relative error about {100.0 * self.relative_error():.2g} %"
-        return notebook_html(caption, self.image, self.allocation, self.strategies)
+        return notebook_html(caption, self.shown, self.allocation, self.strategies)
 
     def channels(self) -> dict[str, Float32Array]:
         """Every picture under its EXR channel name, each of shape (H, W) float32."""
@@ -114,6 +122,8 @@ class RenderResult:
         for axis, name in enumerate("RGB"):
             pictures[name] = self.image[..., axis]
             pictures[f"albedo.{name}"] = self.albedo[..., axis]
+        if self.denoised is not None:
+            pictures |= {f"denoised.{name}": self.denoised[..., axis] for axis, name in enumerate("RGB")}
         for axis, name in enumerate("XYZ"):
             pictures[f"N.{name}"] = self.normal[..., axis]
         if self.ids is not None:

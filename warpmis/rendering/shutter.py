@@ -54,11 +54,18 @@ def render_shutter(
             if not results:
                 raise
             times = f"{len(results)} of {count} times within the shutter"
-            result = averaged(results, config)
+            result = _over_times(results, config)
             notes = (*result.notes, f"interrupted at time {code:g}: {times} are in the picture")
             raise Interrupted(dataclasses.replace(result, notes=notes)) from None
         before += reporter.done
-    return averaged(results, config)
+    return _over_times(results, config)
+
+
+def _over_times(results: list[RenderResult], config: RenderConfig) -> RenderResult:
+    mean = averaged(results, config)
+    settings = mean.settings.copy()
+    settings["shutter_samples"] = len(results)
+    return dataclasses.replace(mean, settings=settings)
 
 
 def shutter_times(time: float, shutter: tuple[float, float], count: int) -> list[float]:
@@ -67,8 +74,8 @@ def shutter_times(time: float, shutter: tuple[float, float], count: int) -> list
     return [time + opens + (index + 0.5) / count * (closes - opens) for index in range(count)]
 
 
-def divided(config: RenderConfig, count: int) -> list[RenderConfig]:
-    """The settings for each time: the samples per pixel are shared out.
+def divided(config: RenderConfig, count: int, seed_step: int = SEED_STEP) -> list[RenderConfig]:
+    """The settings for each of several renders that make one picture: the samples per pixel are shared out.
 
     Raises:
         ConfigError: there are fewer samples than times, or a time's are too few for the learn rounds.
@@ -78,7 +85,7 @@ def divided(config: RenderConfig, count: int) -> list[RenderConfig]:
     limit = None if config.time_limit is None else config.time_limit / count
     shares = [config.spp * (index + 1) // count - config.spp * index // count for index in range(count)]
     return [
-        dataclasses.replace(config, spp=spp, time_limit=limit, seed=(config.seed + index * SEED_STEP) % 2**32)
+        dataclasses.replace(config, spp=spp, time_limit=limit, seed=(config.seed + index * seed_step) % 2**32)
         for index, spp in enumerate(shares)
     ]
 
@@ -86,7 +93,7 @@ def divided(config: RenderConfig, count: int) -> list[RenderConfig]:
 def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
     """One result of all samples: each picture counts by its number of them, pixel by pixel.
 
-    The times are strata: what one sample varies by is the mean of the variances within each.
+    The renders are strata: what one sample varies by is the mean of the variances within each.
     """
     counts = np.stack([result.samples for result in results]).astype(np.float64)
     total = counts.sum(axis=0)
@@ -109,7 +116,7 @@ def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
         samples=total.astype(first.samples.dtype),
         round_allocations=(),
         stats=_stats(results),
-        settings={**first.settings, "spp": config.spp, "seed": config.seed, "shutter_samples": len(results)},
+        settings={**first.settings, "spp": config.spp, "seed": config.seed},
         warnings=tuple(dict.fromkeys(line for result in results for line in result.warnings)),
         notes=tuple(dict.fromkeys(line for result in results for line in result.notes)),
     )

@@ -34,6 +34,24 @@ class StoppingStats(TypedDict):
     target_spp: NotRequired[int]
 
 
+class DenoiseStats(TypedDict):
+    """What denoising took, and the errors that the two halves of the render tell without a reference.
+
+    Keys:
+        seconds: wall clock time of denoising [s].
+        relative_error_bound: the denoised picture's relative error is below this with about 97 % confidence, 0.02 is
+            2 %. Where rare bright pixels carry much of the light the actual error may be larger.
+        relative_mse, standard_error: relMSE of the denoised picture, below 0 by chance where it is small, and its
+            standard error; noisy_relative_mse: that of the noisy picture.
+    """
+
+    seconds: float
+    relative_error_bound: float
+    relative_mse: float
+    standard_error: float
+    noisy_relative_mse: float
+
+
 class DeviceBytes(TypedDict):
     """Device memory [byte]: the scene's by what it is for, and the picture's."""
 
@@ -54,6 +72,7 @@ class RenderStats(TypedDict):
         excess_variance_bound: the part of the relative variance that other shares could have saved at most, from 0 to
             1; missing where no samples were shared between strategies.
         stopping: missing without a target error and a time limit.
+        denoise: missing where the picture was not denoised.
         triangles, lights: of the scene, instances included.
         features: names of the effects that the kernels were compiled with.
         device, threads: where it was rendered.
@@ -70,6 +89,7 @@ class RenderStats(TypedDict):
     next_event_pixels: float
     excess_variance_bound: NotRequired[float]
     stopping: NotRequired[StoppingStats]
+    denoise: NotRequired[DenoiseStats]
     triangles: int
     lights: int
     features: list[str]
