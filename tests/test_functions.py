@@ -85,7 +85,8 @@ def test_what_is_too_long_or_takes_too_much_is_found() -> None:
     assert faults_of(f"@device_kernel\ndef f(*, {names}):\n    pass") == ["f has 13 parameters"]
     assert faults_of(f"{factory}    def f(*, {names}):\n        pass") == ["f has 13 parameters"]
     assert faults_of(f"def f(*, {names}):\n    pass") == []
-    lines = ["x = 1"] * MAX_DEVICE_LINES
-    assert faults_of("@wp.func\ndef f():\n    " + "\n    ".join(lines)) == ["f has 61 lines"]
-    assert faults_of(f"{factory}    def f():\n        " + "\n        ".join(lines)) == ["f has 61 lines"]
-    assert faults_of("def f():\n    " + "\n    ".join(lines)) == []
+    lines = ["x = 1"] * (MAX_DEVICE_LINES + 1)
+    assert faults_of("@wp.func\ndef f():\n    " + "\n    ".join(lines)) == ["f has 51 lines"]
+    assert faults_of(f"{factory}    def f():\n        " + "\n        ".join(lines)) == ["f has 51 lines"]
+    assert faults_of("def f():\n    " + "\n    ".join(lines)) == ["f has 51 lines"]
+    assert faults_of("def f():\n    " + "\n    ".join(lines[:MAX_LINES])) == []
