@@ -1,4 +1,4 @@
-"""The table of docs/performance.md from what methods.py measured:
+"""The table of docs/tables.md from what methods.py measured:
 
     python scripts/bench/methods_table.py METHODS.json [METHODS.json ...]
 

@@ -404,4 +404,5 @@ def _summary(result: RenderResult, config: RenderConfig, out: str, seconds: floa
     if "bound" not in told:
         return line
     error = error_text(told["relative_error"], told["standard_error"])
-    return f"{line}, error {error}, below {100.0 * told['bound']:.3g} % by {100.0 * told['confidence']:.0f} %"
+    bound, confidence = 100.0 * told["bound"], 100.0 * told["confidence"]
+    return f"{line}, error {error}, below {bound:.3g} % with {confidence:.0f} % confidence"

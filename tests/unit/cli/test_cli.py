@@ -289,7 +289,7 @@ def test_summary_of_a_watched_render(fake: FakeRender, capsys: pytest.CaptureFix
     assert main(["render", "box.usda", "--target-error", "10%"]) == 0
     summary = capsys.readouterr().err.splitlines()[-1]
     assert "6 x 4, 1081 spp" in summary
-    assert summary.endswith(", error 8.78 ± 0.37 %, below 9.74 % by 95 %")
+    assert summary.endswith(", error 8.78 ± 0.37 %, below 9.74 % with 95 % confidence")
 
 
 def test_quiet_says_nothing(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
