@@ -58,6 +58,7 @@ def make_vertex(
         vertex.surface = surface.prepare(material, wo)
         path.receiver = lights.receiver(scene, path.origin, frame.n, vertex.u_light[0])
         if wp.static(features.controlled):
+            path.receiver.is_surface = True
             path.receiver.prim = lights.control.prim_of(scene, hit)
         if not path.has_scattered:
             # What the choices leave of their number serves as the first number of the direction.
