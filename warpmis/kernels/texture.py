@@ -27,10 +27,12 @@ BYTE = wp.constant(wp.uint32(255))
 
 @wp.func
 def interpolated(primvars: wp.array3d(dtype=float), triangle: int, column: int, u: float, v: float) -> float:
-    """A column of the primvars at a hit; u weighs the first corner, v the second."""
-    first = primvars[triangle, 0, column] * u
-    second = primvars[triangle, 1, column] * v
-    return first + second + primvars[triangle, 2, column] * (1.0 - u - v)
+    """A column of the primvars at a hit; u weighs the first corner, v the second.
+
+    Equal corners give exactly their value, which may be compared with a threshold.
+    """
+    third = primvars[triangle, 2, column]
+    return third + (primvars[triangle, 0, column] - third) * u + (primvars[triangle, 1, column] - third) * v
 
 
 @wp.func
@@ -58,6 +60,7 @@ class Footprint:
     """The four texels around a point: where they stand among those of their picture, and how much each counts.
 
     tile: which of a lookup's tiles has them, or -1 where none does. Beyond a black border a texel counts nothing.
+    weights: of the upper right, lower left and lower right texel. coverage: of all four, 1 but at such a border.
     """
 
     tile: int
@@ -65,7 +68,8 @@ class Footprint:
     upper_right: int
     lower_left: int
     lower_right: int
-    weights: wp.vec4
+    weights: wp.vec3
+    coverage: float
 
 
 @wp.func
@@ -97,6 +101,12 @@ def presence(i: int, count: int, mode: int) -> float:
 
 
 @wp.func
+def covered(i: int, count: int, mode: int, weights: float) -> float:
+    """The weights of texel i and the next one together: exactly 1 where both are there."""
+    return wp.where(mode == BLACK and (i < 0 or i + 1 >= count), weights, 1.0)
+
+
+@wp.func
 def within_block(i: int, along: int, step: int) -> int:
     """What a row or a column adds to a texel's place: `along` for each block before it, `step` within its own."""
     return (i / BLOCK) * along + (i % BLOCK) * step
@@ -123,7 +133,8 @@ def footprint_in(tile: TileView, s: float, t: float, wrap_s: int, wrap_t: int) -
     f.upper_right = at_upper + at_right
     f.lower_left = at_lower + at_left
     f.lower_right = at_lower + at_right
-    f.weights = wp.vec4(upper * left, upper * right, lower * left, lower * right)
+    f.weights = wp.vec3(upper * right, lower * left, lower * right)
+    f.coverage = covered(column, tile.columns, wrap_s, left + right) * covered(row, tile.rows, wrap_t, upper + lower)
     return f
 
 
@@ -148,27 +159,43 @@ def footprint(varying: wp.array(dtype=VaryingView), lookup: LookupView, st: wp.v
 
 
 @wp.func
+def interpolated_texels(
+    f: Footprint, upper_left: float, upper_right: float, lower_left: float, lower_right: float
+) -> float:
+    """Equal texels give exactly their value: a sum of four products would be off by a rounding, and fall below an
+    opacityThreshold that the texels meet."""
+    return (
+        upper_left * f.coverage
+        + (upper_right - upper_left) * f.weights[0]
+        + (lower_left - upper_left) * f.weights[1]
+        + (lower_right - upper_left) * f.weights[2]
+    )
+
+
+@wp.func
 def filtered(varying: wp.array(dtype=VaryingView), tile: TileView, f: Footprint, channel: int) -> float:
     """Red, green, blue or alpha (0 to 3) of a picture, linear, interpolated between the footprint's texels."""
     texels = varying[0].texels
     if tile.encoding == FLOATS:
         if channel == 3 and tile.channels % 2 == 1:
-            return f.weights[0] + f.weights[1] + f.weights[2] + f.weights[3]
+            return f.coverage
         first = tile.first + wp.where(channel == 3, tile.channels - 1, wp.where(tile.channels >= 3, channel, 0))
-        return (
-            wp.cast(texels[first + f.upper_left * tile.stride], float) * f.weights[0]
-            + wp.cast(texels[first + f.upper_right * tile.stride], float) * f.weights[1]
-            + wp.cast(texels[first + f.lower_left * tile.stride], float) * f.weights[2]
-            + wp.cast(texels[first + f.lower_right * tile.stride], float) * f.weights[3]
+        return interpolated_texels(
+            f,
+            wp.cast(texels[first + f.upper_left * tile.stride], float),
+            wp.cast(texels[first + f.upper_right * tile.stride], float),
+            wp.cast(texels[first + f.lower_left * tile.stride], float),
+            wp.cast(texels[first + f.lower_right * tile.stride], float),
         )
     byte_values = varying[0].byte_values
     table = wp.where(tile.encoding == SRGB_BYTES and channel < 3, 256, 0)
     shift = wp.uint32(8 * channel)
-    return (
-        byte_values[table + int((texels[tile.first + f.upper_left * tile.stride] >> shift) & BYTE)] * f.weights[0]
-        + byte_values[table + int((texels[tile.first + f.upper_right * tile.stride] >> shift) & BYTE)] * f.weights[1]
-        + byte_values[table + int((texels[tile.first + f.lower_left * tile.stride] >> shift) & BYTE)] * f.weights[2]
-        + byte_values[table + int((texels[tile.first + f.lower_right * tile.stride] >> shift) & BYTE)] * f.weights[3]
+    return interpolated_texels(
+        f,
+        byte_values[table + int((texels[tile.first + f.upper_left * tile.stride] >> shift) & BYTE)],
+        byte_values[table + int((texels[tile.first + f.upper_right * tile.stride] >> shift) & BYTE)],
+        byte_values[table + int((texels[tile.first + f.lower_left * tile.stride] >> shift) & BYTE)],
+        byte_values[table + int((texels[tile.first + f.lower_right * tile.stride] >> shift) & BYTE)],
     )
 
 

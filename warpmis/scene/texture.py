@@ -118,10 +118,31 @@ class TextureLookup:
         """
         values, counts = self.texture.values[channel]
         results = self.scale[channel] * values + self.bias[channel]
-        outside: list[float] = [self.fallback[channel]] if self.texture.is_udim else []
-        if not self.texture.is_udim and "black" in (self.wrap_s, self.wrap_t):
-            outside = [self.bias[channel]]
+        outside = self._outside(channel)
         return np.append(results, outside), np.append(counts, np.ones(len(outside)))
+
+    def _outside(self, channel: int) -> list[float]:
+        """What a place without a texel gives, if there are such places."""
+        if self.texture.is_udim:
+            return [self.fallback[channel]]
+        return [self.bias[channel]] if "black" in (self.wrap_s, self.wrap_t) else []
+
+    def share_at_least(self, threshold: float, channel: int) -> float:
+        """The share of the texels that a cutout keeps, by the float32 numbers that the device compares."""
+        least, scale, bias = np.float32(threshold), np.float32(self.scale[channel]), np.float32(self.bias[channel])
+        kept, texels = 0.0, 0.0
+        for pixels in self.texture.tiles.values():
+            place = channel_of(channel, pixels.shape[-1])
+            if place < 0:
+                values = np.ones(pixels.shape[:2], np.float32)
+            elif pixels.dtype == np.uint8:
+                values = byte_values(self.texture.is_srgb and channel < 3).astype(np.float32)[pixels[..., place]]
+            else:
+                values = pixels[..., place]
+            kept += float((scale * values + bias >= least).sum())
+            texels += values.size
+        outside = np.array(self._outside(channel), np.float32)
+        return (kept + float((outside >= least).sum())) / (texels + len(outside))
 
 
 @dataclass(frozen=True)
@@ -153,9 +174,10 @@ def mean_of(value: Any, high: float = 1.0, threshold: float = 0.0) -> Any:
         return 0.5
 
     def mean(channel: int) -> float:
+        if threshold > 0.0:
+            return value.share_at_least(threshold, channel)
         results, counts = value.results(channel)
-        results = np.clip(results, 0.0, high) if threshold <= 0.0 else results >= threshold
-        return float(np.average(results, weights=counts))
+        return float(np.average(np.clip(results, 0.0, high), weights=counts))
 
     if isinstance(value, TextureLookup):
         return tuple(mean(c) for c in range(3)) if value.channels == "rgb" else mean("rgba".index(value.channels))

@@ -42,7 +42,7 @@ def read_preview_surface(shader: Any, network: ShadingNetwork) -> Material:
     values["use_specular_workflow"] = bool(_constant(shader, network, "useSpecularWorkflow", 0.0))
     threshold = _constant(shader, network, "opacityThreshold", 0.0)
     if threshold > 0.0 and not is_lookup(values["opacity"]):
-        values["opacity"] = float(values["opacity"] >= threshold)
+        values["opacity"] = float(np.float32(values["opacity"]) >= np.float32(threshold))
     # A cutout is there or not, its highlights and glow with it, whatever the mode says.
     values["opacity_mode"] = "presence" if threshold > 0.0 else _opacity_mode(shader, network)
     values["opacity_threshold"] = threshold if is_lookup(values["opacity"]) else 0.0
