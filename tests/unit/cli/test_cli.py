@@ -306,6 +306,7 @@ def test_json(fake: FakeRender, capsys: pytest.CaptureFixture[str]) -> None:
     }  # fmt: skip
     assert (report["output"], report["png"], report["balance_map"]) == ("box.exr", "box.png", "map.png")
     assert report["settings"] == RenderConfig().to_dict()
+    assert report["settings"]["ids"] is False and report["settings"]["mis_compensation"] is False
     assert report["stats"]["rays"] == 5
     assert report["stats"]["worst"] is None
     assert report["stats"]["per_round"] == [1.0, None]
