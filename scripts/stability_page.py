@@ -41,25 +41,30 @@ SECTIONS = {
 METHODS = ("nee", "balance", "murray20", "auto")
 HEAD = """# Stability
 
-Every hard case is a stage of `tests/hard/`, made by code, with what its picture must be. This page is made by
-`scripts/stability_page.py`, from the same lists as the tests. {device}
+Hard cases render right: no value of a picture, its variance, its shares or its AOVs is NaN or infinite, and no sample
+was rejected, except where a table says otherwise. Every case is a stage of `tests/hard/`, made by code, with the
+picture that it must give. {device}
 
-In the tables: *naive* is what a first version does wrong; *instead* what is done, and after whom; *measured* the mean
-luminance by each method (`nee`, `balance`, `murray20` and `auto` unless named) against the closed form, in standard
-errors (z), or against each other where there is none.
-*variance* is that of `murray20` and of `auto` over that of `balance`, 256 samples per pixel in all, learning included
-(`scripts/bench/hard_cases.py`, which also says how sure that is); below 1 learning wins. Nowhere is a number of the
-picture, its variance, its shares or its AOVs not finite, and no sample was rejected, unless the table says so.
+The columns:
+
+- *naive*: what a first version does wrong.
+- *instead*: what warpmis does, and its source.
+- *measured*: the mean luminance against the closed form, in standard errors (z). Where there is no closed form, the
+  methods are compared with each other. Methods are `nee`, `balance`, `murray20` and `auto` unless named.
+- *variance*: the variance of `murray20` and of `auto`, over that with `balance`. Below 1, learning wins. Each has 256
+  samples per pixel in all, learning included (`scripts/bench/hard_cases.py`, which also states how sure that is).
+
+`scripts/stability_page.py` makes this page from the same lists as the tests.
 """
-LIMITS = """## What is not so
+LIMITS = """## Limits
 
-- The variance of a pixel is stored in float32: it ends at 3.4e38, and is 0 below 1e-45. Radiances beyond 1e19 or below
-  1e-22 have no meaningful `variance`, nor what follows from it (`relative_error()`, `excess_variance_bound`); the
-  picture and the shares are right all the same, bit for bit (`tests/hard/test_learning.py`).
-- A light that one sample in ten thousand finds, beside one that every sample finds: no learner can know of it from a
-  few hundred samples, and shares given to the other cost up to 0.5 / 0.1 of the variance. It is in the table.
-- For three strategies and more `murray20` keeps 0.01 of each share before it scales their sum to at most 0.9, as
-  published: a share may end a little below 0.01.
+- The variance of a pixel is stored in float32: it ends at 3.4e38, and is 0 below 1e-45. So radiances beyond 1e19 or
+  below 1e-22 have no meaningful `variance`, `relative_error()` or `excess_variance_bound`. The picture and the shares
+  are still right, bit for bit (`tests/hard/test_learning.py`).
+- One light is found by one sample in ten thousand, and another one by every sample. No learner can know of the first
+  from a few hundred samples. Shares given to the other cost up to 0.5 / 0.1 of the variance. The case is in the table.
+- For three strategies and more, `murray20` keeps 0.01 of each share and then scales their sum to at most 0.9, as
+  published. So a share may end a little below 0.01.
 """
 
 
@@ -170,7 +175,7 @@ def naive_forms() -> list[str]:
 
 def refusals() -> list[str]:
     """Allocation maps that no render takes."""
-    lines = ["## Refused", "", table_row("allocation map", "what is said"), "|---|---|"]
+    lines = ["## Refused", "", table_row("allocation map", "message"), "|---|---|"]
     for name, (allocation, _) in REFUSED_MAPS.items():
         try:
             warpmis.render(stage_of(lit_floor()), method="fixed", allocation=allocation)
