@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import UsdGeom, UsdShade
+from pxr import UsdShade
 
 from warpmis.scene import Material
 from warpmis.scene.texture import PrimvarLookup
 from warpmis.usd.materials.materialx import MaterialXNetwork, is_materialx, read_materialx
 from warpmis.usd.materials.preview_surface import clamped, read_preview_surface
 from warpmis.usd.materials.shading_network import ShadingNetwork
+from warpmis.usd.materials.subsets import claim, material_subsets
 from warpmis.usd.materials.texture import TextureReader
 from warpmis.usd.reading import PxrError, Reading, one_line
 from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead, corner_primvars, primvar_elements
@@ -54,14 +55,15 @@ class MaterialReader:
 
     def of_surface(self, prim: Any, surface: Surface) -> Shading:
         """Material of each triangle of a gprim, GeomSubsets of the family materialBind included, and its primvars."""
-        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.IsA(UsdGeom.Mesh) else []
         found: list[BoundMaterial] = []
-        by_face = np.full(int(surface.faces.max(initial=-1)) + 1, -1)
-        for subset in subsets:
-            bound = self.bound(subset.GetPrim())
-            indices = self.reading.indices(subset.GetIndicesAttr())
-            if bound is not None:
-                by_face[indices[(indices >= 0) & (indices < len(by_face))]] = len(found)
+        count = int(surface.faces.max(initial=-1)) + 1 if surface.mesh is None else len(surface.mesh.authored.counts)
+        by_face = np.full(count, -1)
+        own = self._binding(prim)[0]
+        for subset, indices in material_subsets(prim, self.reading):
+            bound = self.bound(subset, "the mesh's own material")
+            # A subset without a binding has that of the mesh, as any prim has that of its parent.
+            if bound is not None and not (own and bound is self.by_path.get(own.GetPath())):
+                claim(by_face, indices, len(found), subset.GetPath(), self.reading)
                 found.append(bound)
         by_triangle = by_face[surface.faces]
         if (by_triangle < 0).any():
@@ -82,13 +84,13 @@ class MaterialReader:
                 block[own, :, : bound.columns.width] = corner_primvars(prim, surface, bound.columns, self.reading)[own]
         return block
 
-    def bound(self, prim: Any) -> BoundMaterial | None:
-        """The material bound to a gprim or GeomSubset, or None."""
+    def bound(self, prim: Any, otherwise: str = "displayColor") -> BoundMaterial | None:
+        """The material bound to a gprim or GeomSubset, or None, with a warning that names what is used `otherwise`."""
         material, relationship = self._binding(prim)
         if not material:
             if relationship:
                 targets = ", ".join(str(target) for target in relationship.GetTargets())
-                self.reading.warn(prim.GetPath(), f"its bound material {targets} does not exist; displayColor is used")
+                self.reading.warn(prim.GetPath(), f"its bound material {targets} does not exist; {otherwise} is used")
             return None
         path = material.GetPath()
         if path not in self.by_path:
