@@ -41,9 +41,7 @@ def _counts(subset: Any, prim: Any, reading: Reading) -> bool:
     return True
 
 
-def claim(
-    by_face: NDArray[np.int64], indices: NDArray[np.int64], number: int, path: object, reading: Reading
-) -> None:
+def claim(by_face: NDArray[np.int64], indices: NDArray[np.int64], number: int, path: object, reading: Reading) -> None:
     """Gives a subset's faces its number, also those of an earlier subset; by_face is shape (faces,), -1 for none.
 
     The schema forbids what lies outside and what two subsets have in common; both are warnings.
