@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from warpmis.errors import ConfigError
 from warpmis.methods import METHODS, Method
+from warpmis.whole_numbers import checked_integer
 
 STRATEGIES = ("bsdf", "light", "uniform", "cosine", "area", "dome", "diffuse", "specular")
 DEFAULT_STRATEGIES = ("bsdf", "light")
@@ -25,6 +25,9 @@ COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular")
 # Samples per pixel where none are asked for: of a plain render, and the most of one that a stopping rule ends.
 DEFAULT_SPP = 256
 CEILING = 1 << 18
+
+# About 30 years: a longer time limit is a mistake.
+MAX_SECONDS = 1e9
 
 # Shares typed by hand (0.333,0.333,0.334) or stored in half precision still count as summing to one.
 SUM_TOLERANCE = 1e-4
@@ -89,9 +92,9 @@ class LearnConfig:
 
     def __post_init__(self) -> None:
         if self.rounds is not None:
-            object.__setattr__(self, "rounds", checked_integer("learn rounds", self.rounds, low=1))
+            object.__setattr__(self, "rounds", checked_integer("learn_rounds", self.rounds))
         if self.spp is not None:
-            object.__setattr__(self, "spp", checked_integer("learn samples per pixel a round", self.spp, low=1))
+            object.__setattr__(self, "spp", checked_integer("learn_spp", self.spp))
         if self.initial_allocation is not None:
             shares = _checked_shares("initial allocation", self.initial_allocation)
             if shares.ndim != 1 or shares.min() <= 0.0:
@@ -239,22 +242,15 @@ class RenderConfig:
                 raise ConfigError(f"target error must be above 0 and at most 1 (100 %), got {error}")
             object.__setattr__(self, "target_error", float(error))
         if limit is not None:
-            if not (_is_number(limit) and 0.0 < limit < math.inf):
-                raise ConfigError(f"time limit must be a positive number of seconds, got {limit}")
+            if not (_is_number(limit) and 0.0 < limit <= MAX_SECONDS):
+                raise ConfigError(f"time limit must be above 0 and at most {MAX_SECONDS:g} seconds, got {limit}")
             object.__setattr__(self, "time_limit", float(limit))
 
     def _check_numbers(self) -> None:
-        checked = {
-            "spp": checked_integer("samples per pixel (spp)", self.spp, low=1),
-            "max_depth": checked_integer("max depth", self.max_depth, low=0),
-            "seed": checked_integer("seed", self.seed, low=0, high=2**32 - 1),
-        }
-        if self.width is not None:
-            checked["width"] = checked_integer("image width", self.width, low=1)
-        if self.threads is not None:
-            checked["threads"] = checked_integer("threads", self.threads, low=1)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        for name in ("spp", "max_depth", "seed", "width", "threads"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, checked_integer(name, value))
 
     def _checked_allocation(self) -> NDArray[np.float32] | None:
         if self.method != "fixed":
@@ -306,16 +302,6 @@ class RenderConfig:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
-def checked_integer(name: str, value: object, *, low: int, high: int | None = None) -> int:
-    """The value as Python's own int, so that NumPy's do not travel into headers and JSON."""
-    wanted = f"at least {low}" if high is None else f"from {low} to {high}"
-    if not isinstance(value, int | np.integer) or isinstance(value, bool):
-        raise ConfigError(f"{name} must be a whole number, {wanted}, got {value!r}")
-    if value < low or (high is not None and value > high):
-        raise ConfigError(f"{name} must be {wanted}, got {value}")
-    return int(value)
 
 
 def _checked_strategies(strategies: Sequence[str], method: str) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def test_time_finds_the_samples(loaded: dict[str, Any], capsys: pytest.CaptureFi
         ("--method magic", "unknown method 'magic'"),
         ("--time-limit 5 --spp 4", "give one of the two"),
         ("--reference a.exr --reference-spp 64", "give one of the two"),
-        ("--repeats 1", "repeats must be at least 2"),
+        ("--repeats 1", "repeats must be from 2"),
         ("--device tpu", "unknown device 'tpu'"),
     ],
 )

@@ -232,7 +232,7 @@ def test_rounds_of_a_swept_length_fit_the_budget() -> None:
     assert one.least_spp({}) == 64
     with pytest.raises(ConfigError, match="cannot sweep 'spp'"):
         swept("spp", [1])
-    with pytest.raises(ConfigError, match="max depth must be at least 0"):
+    with pytest.raises(ConfigError, match="max depth must be from 0"):
         swept("max-depth", [-1])
 
 

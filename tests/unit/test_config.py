@@ -20,12 +20,12 @@ def fixed(allocation: Any, **settings: Any) -> RenderConfig:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"spp": 0}, "samples per pixel (spp) must be at least 1, got 0"),
+        ({"spp": 0}, "samples per pixel (spp) must be from 1 to 16777216, got 0"),
         ({"spp": 2.5}, "must be a whole number"),
         ({"spp": True}, "must be a whole number"),
-        ({"width": 0}, "image width must be at least 1"),
-        ({"threads": 0}, "threads must be at least 1"),
-        ({"max_depth": -1}, "max depth must be at least 0"),
+        ({"width": 0}, "image width must be from 1 to"),
+        ({"threads": 0}, "threads must be from 1 to"),
+        ({"max_depth": -1}, "max depth must be from 0 to 1000000, got -1"),
         ({"seed": -1}, "seed must be from 0 to 4294967295"),
         ({"seed": 2**32}, "seed must be from 0 to 4294967295"),
         ({"device": "gpu"}, "choose cpu, cuda or cuda:0"),
@@ -166,8 +166,8 @@ def test_learning_fits_any_budget(method: str, spp: int) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"rounds": 0}, "learn rounds must be at least 1"),
-        ({"spp": 0}, "learn samples per pixel a round must be at least 1"),
+        ({"rounds": 0}, "learn rounds must be from 1"),
+        ({"spp": 0}, "learn samples per pixel a round must be from 1"),
         ({"initial_allocation": (0.0, 1.0)}, "one positive share per strategy"),
         ({"initial_allocation": ((0.5, 0.5),)}, "one positive share per strategy"),
         ({"initial_allocation": (0.5, 0.6)}, "must sum to 1"),

@@ -14,9 +14,11 @@ import warpmis
 from warpmis.compare.plan import REFERENCE_FACTOR, affordable_spp, ladder
 from warpmis.compare.reference import PARTS, Reference, merged_reference, read_reference, tracing_seconds
 from warpmis.compare.variants import Variant
+from warpmis.config import MAX_SECONDS
 from warpmis.errors import ConfigError
 from warpmis.film.metrics import mean_squared_error, relative_mse, squared_error, squared_scale
 from warpmis.rendering.progress import Progress
+from warpmis.whole_numbers import checked_integer
 
 ProgressCallback = Callable[[Progress], None]
 
@@ -31,7 +33,7 @@ class Settings:
     Attributes:
         common: settings of RenderConfig that all variants share, such as max_depth.
         seed: all runs' seeds follow from it.
-        repeats: runs of every budget.
+        repeats: runs of every budget, 2 at least, so that a spread is known.
         spp: samples per pixel of the longest runs; None takes what `seconds` affords.
         seconds: about how long all of it may take [s].
         reference: an EXR; None renders one.
@@ -47,14 +49,14 @@ class Settings:
     reference_spp: int | None = None
 
     def __post_init__(self) -> None:
-        if self.repeats < 2:
-            raise ConfigError(f"repeats must be at least 2, so that a spread is known, got {self.repeats}")
-        if self.spp is not None and self.spp < 1:
-            raise ConfigError(f"samples per pixel (spp) must be at least 1, got {self.spp}")
-        if not self.seconds > 0.0:
-            raise ConfigError(f"the time for the comparison must be positive, got {self.seconds:g} s")
-        if self.reference_spp is not None and self.reference_spp < 2 * PARTS:
-            raise ConfigError(f"reference spp must be at least {2 * PARTS}, got {self.reference_spp}")
+        checked_integer("seed", self.seed)
+        checked_integer("repeats", self.repeats)
+        if self.spp is not None:
+            checked_integer("longest_spp", self.spp)
+        if self.reference_spp is not None:
+            checked_integer("reference_spp", self.reference_spp)
+        if not 0.0 < self.seconds <= MAX_SECONDS:
+            raise ConfigError(f"the time for the comparison must be above 0 and finite, got {self.seconds:g} s")
 
 
 @dataclass(frozen=True)

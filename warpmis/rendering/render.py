@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.config import LearnConfig, RenderConfig, checked_integer
+from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.errors import ConfigError
 from warpmis.rendering.halves import render_halves
@@ -20,6 +20,7 @@ from warpmis.rendering.rounds import render_scene
 from warpmis.rendering.shutter import render_shutter
 from warpmis.scene import Scene
 from warpmis.scene.features import Features
+from warpmis.whole_numbers import MAX_PIXELS, checked_integer
 
 
 class UsdStage(Protocol):
@@ -117,7 +118,7 @@ def render(
         complexity=complexity, variants=variants, mask=mask, session_layer=session_layer,
     )  # fmt: skip
     config = _config(config, learn, settings, learning)
-    shutter_samples = checked_integer("shutter samples", shutter_samples, low=1)
+    shutter_samples = checked_integer("shutter_samples", shutter_samples)
     if isinstance(stage, Scene) and shutter_samples > 1:
         options["shutter_samples"] = shutter_samples
 
@@ -177,6 +178,8 @@ def _scene_as_read(scene: Scene, config: RenderConfig, options: dict[str, Any]) 
     if width is None or width == scene.resolution[0]:
         return scene
     height = max(1, round(scene.resolution[1] * width / scene.resolution[0]))
+    if width * height > MAX_PIXELS:
+        raise ConfigError(f"a picture of {width} x {height} pixels is too large: {MAX_PIXELS} pixels are the limit")
     return dataclasses.replace(scene, resolution=(width, height))
 
 

@@ -10,18 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom, UsdUtils
 
-from warpmis.errors import ConfigError, StageError
+from warpmis.errors import StageError
 from warpmis.scene import Camera, CylinderLight, DiskLight, Light, RectLight, SphereLight
 from warpmis.scene.geometry import Bounds, Geometry, Prototype, bounds
 from warpmis.usd.clipping import clipping_planes
 from warpmis.usd.lens import exposure, frame_of, read_lens, shutter, thin_lens
 from warpmis.usd.reading import Reading
 from warpmis.usd.settings import WHOLE, Settings
+from warpmis.whole_numbers import MAX_PIXELS
 
 DEFAULT_WIDTH = 960  # usdrecord's
-
-# 16,384 x 16,384: a film takes some 150 bytes a pixel, twice.
-MAX_PIXELS = 1 << 28
 
 # A picture's height is cut to whole pixels; this keeps 640 / (4/3) in float32 from becoming 479.
 HEIGHT_TOLERANCE = 1e-3
@@ -46,7 +44,6 @@ def read_camera(
 
     Raises:
         StageError: the camera asked for is not there or has no valid lens or transform, or the picture is too large.
-        ConfigError: width is below 1.
     """
     prim = _find_camera(reading, settings, asked)
     if prim is None:
@@ -127,8 +124,6 @@ def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) ->
     """(width, height) [pixel]: height from the aperture's aspect where `width` is given or nothing is authored."""
     if width is None and settings.resolution is not None:
         return settings.resolution
-    if width is not None and width < 1:
-        raise ConfigError(f"image width must be at least 1, got {width}")
     columns = DEFAULT_WIDTH if width is None else width
     rows = columns * settings.pixel_aspect_ratio * gf_camera.verticalAperture / gf_camera.horizontalAperture
     return columns, max(1, math.floor(rows + HEIGHT_TOLERANCE))

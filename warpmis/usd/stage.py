@@ -40,6 +40,7 @@ from warpmis.usd.shapes.points import read_points
 from warpmis.usd.shapes.primitives import is_primitive, read_primitive
 from warpmis.usd.shapes.skinning import bake_skinning, has_skeletons
 from warpmis.usd.shapes.surfaces import Shading, Surface
+from warpmis.whole_numbers import checked_integer
 
 # usdrecord's names, and how many times each refines a subdivision surface.
 COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
@@ -84,8 +85,9 @@ def load_stage(
 
     Raises:
         StageError: the stage is missing, unreadable or empty, or has no such camera, settings, prim or variant.
-        ConfigError: width is below 1, or there is no such purpose or complexity.
+        ConfigError: the width is out of range, or there is no such purpose or complexity.
     """
+    width = None if width is None else checked_integer("width", width)
     unknown = ", ".join(sorted(set(purposes or ()) - PURPOSES))
     if unknown:
         raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")

@@ -152,7 +152,7 @@ def test_maps_are_not_kept_unless_wanted(fake: FakeRender) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--spp 0", "warpmis: error: samples per pixel (spp) must be at least 1, got 0"),
+        ("--spp 0", "warpmis: error: samples per pixel (spp) must be from 1 to 16777216, got 0"),
         ("--method magic", "unknown method 'magic'"),
         ("--strategies bsdf,magic", "unknown strategy 'magic'"),
         ("--method fixed", "needs an allocation"),
