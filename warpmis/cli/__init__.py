@@ -10,6 +10,7 @@ import argparse
 import os
 import traceback
 from collections.abc import Sequence
+from typing import NoReturn
 
 import warpmis
 from warpmis.cli import compare, compile, inspect, render
@@ -42,6 +43,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return EXIT_DONE
 
 
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the arguments, and where all of them are listed."""
+
+    def error(self, message: str) -> NoReturn:
+        raise SystemExit(fail(f"{message}; see {self.prog} --help", EXIT_USAGE))
+
+
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = _parser()
     arguments, rest = parser.parse_known_args(argv)
@@ -55,7 +63,7 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _parser() -> argparse.ArgumentParser:
     # No abbreviations: a script must not break when an option is added.
-    parser = argparse.ArgumentParser(prog="warpmis", description="Render OpenUSD stages.", allow_abbrev=False)
+    parser = Parser(prog="warpmis", description="Render OpenUSD stages.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"warpmis {warpmis.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     render.add_parser(commands)

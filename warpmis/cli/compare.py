@@ -10,6 +10,7 @@ from typing import Any
 
 import warpmis
 from warpmis.cli.console import progress_bar, say, start_warp
+from warpmis.cli.option_values import time_in_seconds, whole_number
 from warpmis.cli.render import add_stage_options, given, stage_options
 from warpmis.compare.variants import KNOBS, Variant, chosen_variants, default_variants, swept
 from warpmis.config import RenderConfig
@@ -52,23 +53,41 @@ def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
         help=f"also the default method with each value of one setting, of {', '.join(KNOBS)}; may be repeated",
     )  # fmt: skip
     group.add_argument("--reference", metavar="FILE.exr", help="what is right (rendered by balance)")
-    group.add_argument("--reference-spp", type=int, metavar="N", help="samples per pixel of one rendered (16 x --spp)")
     group.add_argument(
-        "--spp", type=int, metavar="N", help="samples per pixel of the longest runs (as --time-limit affords)"
+        "--reference-spp",
+        type=whole_number,
+        metavar="N",
+        help="samples per pixel of one rendered (16 x --spp)",
     )
     group.add_argument(
-        "--time-limit", type=float, metavar="SECONDS", help=f"about how long all of it may take ({DEFAULT_SECONDS:g})"
+        "--spp",
+        type=whole_number,
+        metavar="N",
+        help="samples per pixel of the longest runs (as --time-limit affords)",
     )
-    group.add_argument("--repeats", type=int, metavar="N", help=f"runs of each kind ({DEFAULT_REPEATS})")
+    group.add_argument(
+        "--time-limit",
+        type=time_in_seconds,
+        metavar="SECONDS",
+        help=f"about how long all of it may take ({DEFAULT_SECONDS:g})",
+    )
+    group.add_argument("--repeats", type=whole_number, metavar="N", help=f"runs of each kind ({DEFAULT_REPEATS})")
 
 
 def _add_common_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how all of them render")
     default = RenderConfig()
-    group.add_argument("--max-depth", type=int, metavar="N", help=f"bounces after the camera ray ({default.max_depth})")
-    group.add_argument("--seed", type=int, metavar="N", help=f"all seeds follow from it ({default.seed})")
+    group.add_argument(
+        "--max-depth",
+        type=whole_number,
+        metavar="N",
+        help=f"bounces after the camera ray ({default.max_depth})",
+    )
+    group.add_argument("--seed", type=whole_number, metavar="N", help=f"all seeds follow from it ({default.seed})")
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
-    group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
+    group.add_argument(
+        "--threads", type=whole_number, metavar="N", help="CPU threads (as many as this process may use)"
+    )
 
 
 def _sweep(text: str) -> list[Variant]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import math
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,16 @@ from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text
 from warpmis.cli.explain import explain
 from warpmis.cli.frame_ranges import frame_list
 from warpmis.cli.jobs import Job, jobs_of
+from warpmis.cli.option_values import (
+    PURPOSES,
+    error_share,
+    name_list,
+    purpose_list,
+    share_list,
+    time_code,
+    time_in_seconds,
+    whole_number,
+)
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
@@ -25,7 +34,6 @@ if TYPE_CHECKING:
     from warpmis.rendering.render import Uploads
     from warpmis.scene.features import Features
 
-PURPOSES = ("default", "render", "proxy", "guide")
 COLOR_CORRECTIONS = ("disabled", "sRGB")
 FEATURES = ("scene", "all")
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
@@ -66,10 +74,18 @@ def add_stage_options(parser: argparse.ArgumentParser) -> Any:
     group = parser.add_argument_group("what to render (as in usdrecord)")
     group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim: its path, or its name if that is unique")
     group.add_argument(
-        "--image-width", "--imageWidth", "-w", type=int, metavar="PIXELS", help="height follows from the aspect"
+        "--image-width",
+        "--imageWidth",
+        "-w",
+        type=whole_number,
+        metavar="PIXELS",
+        help="height follows from the aspect",
     )
     group.add_argument(
-        "--purposes", type=_purposes, metavar="A,B", help=f"of {', '.join(PURPOSES)}; default is always included"
+        "--purposes",
+        type=purpose_list,
+        metavar="A,B",
+        help=f"of {', '.join(PURPOSES)}; default is always included",
     )
     group.add_argument(
         "--render-settings-prim-path", "--renderSettingsPrimPath", "-rs", metavar="PRIM", help="RenderSettings prim"
@@ -80,10 +96,10 @@ def add_stage_options(parser: argparse.ArgumentParser) -> Any:
     group.add_argument(
         "--variant", action="append", metavar="/PRIM{SET=VARIANT}", help="select a variant; may be given several times"
     )
-    group.add_argument("--mask", type=_names, metavar="/A,/B", help="load these prims alone, and what they refer to")
+    group.add_argument("--mask", type=name_list, metavar="/A,/B", help="load these prims alone, and what they refer to")
     group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="a layer stronger than the stage")
     group.add_argument(
-        "--time", "-t", type=_time_code, metavar="T", help="time code (the stage's startTimeCode, else 0)"
+        "--time", "-t", type=time_code, metavar="T", help="time code (the stage's startTimeCode, else 0)"
     )
     return group
 
@@ -92,32 +108,48 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to render")
     default = RenderConfig()
     group.add_argument(
-        "--spp", type=int, metavar="N",
+        "--spp", type=whole_number, metavar="N",
         help=f"samples per pixel, learning included ({default.spp}); the most of them with the next two ({CEILING})",
     )  # fmt: skip
     group.add_argument(
-        "--target-error", type=_part, metavar="PERCENT",
+        "--target-error", type=error_share, metavar="PERCENT",
         help="render until the relative error of the image is below this, such as 1%% (95%% sure, by its own samples)",
     )  # fmt: skip
     group.add_argument(
-        "--time-limit", type=_seconds, metavar="SECONDS",
+        "--time-limit", type=time_in_seconds, metavar="SECONDS",
         help="render for so long: learning and rendering, without loading and compiling",
     )  # fmt: skip
     add_kernel_options(group)
     group.add_argument(
-        "--allocation", type=_shares, metavar="A,B", help="for --method fixed: each strategy's share, such as 0.5,0.5"
+        "--allocation",
+        type=share_list,
+        metavar="A,B",
+        help="for --method fixed: each strategy's share, such as 0.5,0.5",
     )
     group.add_argument(
         "--mis-compensation", action="store_true", default=None, help="sample a dome by what it has above its mean"
     )
     group.add_argument(
-        "--shutter-samples", type=_positive, metavar="N", help="times within the shutter, for motion blur (1: none)"
+        "--shutter-samples",
+        type=whole_number,
+        metavar="N",
+        help="times within the shutter, for motion blur (1: none)",
     )
     group.add_argument(
-        "--denoise", action="store_true", help="add a denoised picture (denoised.R, .G, .B); --png shows it"
+        "--denoise",
+        action="store_true",
+        default=None,
+        help="also a denoised picture (denoised.R, .G, .B); --png shows it",
     )
-    group.add_argument("--seed", type=int, metavar="N", help=f"the same seed gives the same image ({default.seed})")
-    group.add_argument("--threads", type=int, metavar="N", help="CPU threads (as many as this process may use)")
+    group.add_argument(
+        "--seed",
+        type=whole_number,
+        metavar="N",
+        help=f"the same seed gives the same image ({default.seed})",
+    )
+    group.add_argument(
+        "--threads", type=whole_number, metavar="N", help="CPU threads (as many as this process may use)"
+    )
 
 
 def add_kernel_options(group: Any) -> None:
@@ -125,7 +157,10 @@ def add_kernel_options(group: Any) -> None:
     default = RenderConfig()
     group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
     group.add_argument(
-        "--strategies", type=_names, metavar="A,B", help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})"
+        "--strategies",
+        type=name_list,
+        metavar="A,B",
+        help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})",
     )
     group.add_argument(
         "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
@@ -134,7 +169,10 @@ def add_kernel_options(group: Any) -> None:
         "--sampler", metavar="NAME", help=f"what the paths' numbers are: {' or '.join(SAMPLERS)} ({default.sampler})"
     )
     group.add_argument(
-        "--max-depth", type=int, metavar="N", help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})"
+        "--max-depth",
+        type=whole_number,
+        metavar="N",
+        help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})",
     )
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
     group.add_argument(
@@ -160,9 +198,9 @@ def forced_features(arguments: argparse.Namespace) -> Features | None:
 
 def _add_learn_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to learn the allocation")
-    group.add_argument("--learn-rounds", type=int, metavar="N", help="rounds, one step each (from --spp)")
-    group.add_argument("--learn-spp", type=int, metavar="N", help="samples per pixel a round (from --spp)")
-    group.add_argument("--initial-allocation", type=_shares, metavar="A,B", help="shares at the start (equal)")
+    group.add_argument("--learn-rounds", type=whole_number, metavar="N", help="rounds, one step each (from --spp)")
+    group.add_argument("--learn-spp", type=whole_number, metavar="N", help="samples per pixel a round (from --spp)")
+    group.add_argument("--initial-allocation", type=share_list, metavar="A,B", help="shares at the start (equal)")
 
 
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
@@ -185,64 +223,6 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
-    return int(text)
-
-
-def _part(text: str) -> float:
-    """0.01 of "1%" or "0.01"."""
-    number, percent, rest = text.strip().partition("%")
-    value = _number(number, text, "no error such as 1% or 0.01") / (100.0 if percent else 1.0)
-    if rest or not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"'{text}' is no error such as 1% or 0.01, above 0 and at most 100%")
-    return value
-
-
-def _seconds(text: str) -> float:
-    value = _number(text, text, "no time in seconds such as 60")
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}' is no time in seconds such as 60")
-    return value
-
-
-def _number(text: str, whole: str, what: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{whole}' is {what}") from None
-
-
-def _time_code(text: str) -> float:
-    try:
-        code = float(text)
-    except ValueError:
-        code = math.nan
-    if not math.isfinite(code):
-        raise argparse.ArgumentTypeError(f"'{text}' is no time code such as 12 or 3.5")
-    return code
-
-
-def _purposes(text: str) -> tuple[str, ...]:
-    names = _names(text)
-    for name in names:
-        if name not in PURPOSES:
-            raise argparse.ArgumentTypeError(f"unknown purpose '{name}'; choose from {', '.join(PURPOSES)}")
-    return names
-
-
-def _shares(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(share) for share in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers such as 0.5,0.5") from None
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -324,7 +304,7 @@ def _render(
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
         more = given(shutter_samples=arguments.shutter_samples, uploads=uploads, features=forced_features(arguments))
-        more["denoise"] = arguments.denoise
+        more |= given(denoise=arguments.denoise)
         options = {**stage_options(arguments), **job.options}
         asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
         result = warpmis.render(arguments.stage, config=asked, progress=show, **options, **more)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import warpmis
 from warpmis.config import SettingsDict
+from warpmis.errors import ConfigError
 from warpmis.film.metrics import estimated_relative_error
 from warpmis.rendering.stats import RenderStats
 
@@ -71,19 +72,43 @@ class RenderResult:
     notes: tuple[str, ...] = ()
 
     def write(self, path: str | os.PathLike[str], channels: Mapping[str, str] | None = None) -> None:
-        """Write an EXR: the image, everything known per pixel, and the settings in the header.
+        """Write a file by its ending.
+
+        ".exr": the image, everything known per pixel as in `channels()`, and the settings in the header; linear
+        Rec.709, float32. ".png": the picture to look at, `shown`, as 8-bit sRGB, values above 1 cut off.
 
         Args:
-            channels: the file's channels and which of `channels()` each is, such as {"beauty.R": "R"}; None for all.
+            channels: of an EXR, the names in the file and which of `channels()` each one is, such as {"beauty.R": "R"};
+                None for all.
+
+        Raises:
+            ConfigError: the name ends in neither, or there is no such channel.
+            WarpmisError: the file cannot be written.
         """
+        ending = os.path.splitext(os.fsdecode(path))[1].lower()
+        if ending == ".exr":
+            self._write_exr(path, channels)
+        elif ending != ".png":
+            raise ConfigError(f"{os.fsdecode(path)}: the file's name must end in .exr or .png")
+        elif channels is not None:
+            raise ConfigError(f"{os.fsdecode(path)}: a PNG has no named channels; write an .exr")
+        else:
+            from warpmis.output.png import write_png  # here, so that a render can be had without OpenImageIO
+
+            write_png(path, self.shown)
+
+    def _write_exr(self, path: str | os.PathLike[str], channels: Mapping[str, str] | None) -> None:
         from warpmis.output.exr import write_exr  # here, so that a render can be had without OpenEXR
 
+        pictures = self.channels()
+        if channels is not None:
+            unknown = [own for own in channels.values() if own not in pictures]
+            if unknown:
+                raise ConfigError(f"there is no channel {unknown[0]}; there are {', '.join(pictures)}")
+            pictures = {name: pictures[own] for name, own in channels.items()}
         header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
         if self.paths:
             header["paths"] = " ".join(self.paths)  # a path has no spaces
-        pictures = self.channels()
-        if channels is not None:
-            pictures = {name: pictures[own] for name, own in channels.items()}
         write_exr(path, pictures, header)
 
     @property

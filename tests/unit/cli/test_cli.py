@@ -190,15 +190,36 @@ def test_picture_as_out_is_a_usage_error(fake: FakeRender, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    ["", "render", "render a.usda --spp many", "render a.usda --purposes magic", "render a.usda --allocation half",
-     "render a.usda --sp 4", "render a.usda --target-error 5", "render a.usda --target-error 5%%",
-     "render a.usda --time-limit 1m"],
-)  # fmt: skip
-def test_unreadable_arguments_are_usage_errors(fake: FakeRender, arguments: str) -> None:
+    ("arguments", "message"),
+    [
+        ("", "arguments are required: COMMAND; see warpmis --help"),
+        ("render", "arguments are required: STAGE; see warpmis render --help"),
+        (
+            "render a.usda --spp many",
+            "argument --spp: 'many' is not a whole number such as 64; see warpmis render --help",
+        ),
+        ("render a.usda --purposes magic", "there is no purpose 'magic'; choose from default, render, proxy, guide"),
+        ("render a.usda --allocation half", "'half' is not a list of numbers such as 0.5,0.5"),
+        ("render a.usda --sp 4", "unrecognized arguments: --sp 4"),
+        ("render a.usda --target-error 5", "'5' is not an error such as 1% or 0.01"),
+        ("render a.usda --target-error 5%%", "'5%%' is not an error such as 1% or 0.01"),
+        ("render a.usda --time-limit 1m", "'1m' is not a time in seconds such as 60"),
+        ("render a.usda --time nan", "'nan' is not a time code such as 12 or 3.5"),
+        ("render a.usda --complexity ultra", "argument --complexity/-c: invalid choice: 'ultra'"),
+        ("render a.usda --spp " + 5000 * "9", f"argument --spp: '{40 * '9'}...' is not a whole number"),
+        ("compare a.usda -o b --sweep speed=1", "cannot sweep 'speed'; choose from learn-spp"),
+        ("compare a.usda -o b --repeats few", "argument --repeats: 'few' is not a whole number"),
+    ],
+)
+def test_unreadable_arguments_are_one_line(
+    fake: FakeRender, capsys: pytest.CaptureFixture[str], arguments: str, message: str
+) -> None:
     with pytest.raises(SystemExit) as exit_:
         main(arguments.split())
     assert exit_.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("warpmis: error: ") and message in said and said.count("\n") == 1
+    assert not fake.options
 
 
 @pytest.mark.parametrize("option", ["OUT", "--png", "--balance-map", "--round-maps"])

@@ -63,6 +63,37 @@ def test_written_header(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("name", ["a.png", "A.PNG"])
+def test_a_png_is_the_picture_to_look_at(tmp_path: Path, name: str) -> None:
+    """sRGB, as IEC 61966-2-1 encodes it; the denoised picture where there is one."""
+    result = make_result()
+    for shown in (result, dataclasses.replace(result, denoised=result.image[::-1] * 2.0)):
+        shown.write(tmp_path / name)
+        stored = oiio.ImageBuf(str(tmp_path / name)).get_pixels(oiio.UINT8)
+        linear = np.minimum(shown.shown.astype(np.float64), 1.0)
+        expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        np.testing.assert_allclose(stored / 255.0, expected, atol=0.002)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a", "a.exr.gz", ".exr", "png"])
+def test_other_endings_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(warpmis.ConfigError, match=f"{re.escape(name)}: the file's name must end in .exr or .png"):
+        make_result().write(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_channels_are_those_of_an_exr(tmp_path: Path) -> None:
+    result = make_result()
+    result.write(tmp_path / "a.exr", {"beauty.R": "R"})
+    channels, _ = read_exr(tmp_path / "a.exr")
+    assert set(channels) == {"beauty.R"}
+    with pytest.raises(warpmis.ConfigError, match=r"there is no channel Q; there are A, Z, variance\.Y, "):
+        result.write(tmp_path / "b.exr", {"beauty.R": "R", "odd": "Q"})
+    with pytest.raises(warpmis.ConfigError, match="a PNG has no named channels"):
+        result.write(tmp_path / "b.png", {"beauty.R": "R"})
+    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
+
+
 def test_expected_error_is_that_of_the_mean() -> None:
     """Variance 4 a sample, 64 samples, a grey picture of 2: standard error 0.25, relative to 2 sqrt(1.01)."""
     grey = np.full((3, 4, 3), 2.0, np.float32)
