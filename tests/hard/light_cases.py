@@ -285,7 +285,7 @@ LIGHT_CASES = [
     HardCase(
         "light-in-the-plane-of-a-ceiling",
         trouble="shadow rays end in the ceiling that the light lies in",
-        remedy="shadow rays end 1e-4 of their length short (kernels/light/table.py: SHADOW_END)",
+        remedy="shadow rays end 1e-4 of their length short (kernels/light/on_ray.py: SHADOW_END)",
         build=lit(
             mesh("Ceiling", [(-1, 1, 1), (1, 1, 1), (1, 1, -1), (-1, 1, -1)], [(0, 3, 2, 1)], 0.0),
             light("RectLight", rotate=DOWN, width=0.5, height=0.5, intensity=2.0),

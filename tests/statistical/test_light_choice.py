@@ -33,7 +33,7 @@ from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.table import Receiver
+from warpmis.kernels.light.records import Receiver
 from warpmis.scene import Light
 
 SIGNIFICANCE = sidak(0.01, 5 + 9)

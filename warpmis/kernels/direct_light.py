@@ -1,24 +1,19 @@
-"""Direct light: by a light sample, by a delta light, or by a ray that meets a mesh light."""
+"""Direct light at a vertex: by a light sample, or from a delta light."""
 
 from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import MaterialView, SceneView
-from warpmis.kernels.hit import Hit
+from warpmis.device.views import SceneView
 from warpmis.kernels.light.delta_light import make_delta_light
-from warpmis.kernels.light.mesh_light import pdf_mesh
+from warpmis.kernels.light.on_ray import SHADOW_END
 from warpmis.kernels.light.records import NO_LIGHT, Receiver
-from warpmis.kernels.light.table import SHADOW_END
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance, to_local
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
-
-# In place of the density of a ray that the camera or a mirror has sent: its emission has the weight 1.
-UNWEIGHTED = wp.constant(0.0)
 
 
 @wp.struct
@@ -36,7 +31,7 @@ class DirectLight:
 def make_direct_light(
     features: Features, surface: SimpleNamespace, lights: SimpleNamespace, intersect: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions for one set of effects: from_delta_light, from_light_sample, from_mesh_light."""
+    """Functions for one set of effects: from_delta_light, from_light_sample."""
     sample_delta_light = make_delta_light(features, lights.control)
 
     @wp.func
@@ -78,36 +73,4 @@ def make_direct_light(
         direct.rays = 1
         return direct
 
-    @wp.func
-    def from_mesh_light(
-        scene: SceneView,
-        r: wp.ref[Receiver],
-        hit: wp.ref[Hit],
-        material: MaterialView,
-        wi: wp.vec3,
-        distance: float,
-        pdf_bsdf: float,
-    ) -> wp.vec3:
-        """The emission of the surface that the ray from r along wi has hit, weighted for a ray that the BSDF drew with
-        this density. UNWEIGHTED in its place: no light sample could have found it."""
-        index = scene.triangles[hit.triangle].light
-        if index == NO_LIGHT or (hit.outside == 0 and material.double_sided == 0):
-            return wp.vec3(0.0, 0.0, 0.0)
-        emission = material.emission
-        if wp.static(features.controlled):
-            factor = lights.control.factor(scene, index, r, wi)
-            if wp.static(features.light_response):
-                if r.is_surface:
-                    factor = wp.cw_mul(factor, lights.control.response(scene, index, r.diffuse))
-            emission = wp.cw_mul(emission, factor)
-        if pdf_bsdf <= UNWEIGHTED:
-            return emission
-        light = scene.lights[index]
-        of_light = pdf_mesh(light, hit.ng, wi, distance) * lights.importance(scene, light, r)
-        return emission * balance_weight(pdf_bsdf, lights.density(of_light, r.total))
-
-    return SimpleNamespace(
-        from_delta_light=from_delta_light,
-        from_light_sample=from_light_sample,
-        from_mesh_light=from_mesh_light,
-    )
+    return SimpleNamespace(from_delta_light=from_delta_light, from_light_sample=from_light_sample)

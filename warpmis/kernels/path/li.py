@@ -16,11 +16,12 @@ from warpmis.kernels import rng
 from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.camera import CameraRay
-from warpmis.kernels.direct_light import UNWEIGHTED, make_direct_light
+from warpmis.kernels.direct_light import make_direct_light
 from warpmis.kernels.intersect import MAX_PASSED, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
+from warpmis.kernels.path.emission import make_emission
 from warpmis.kernels.path.estimator import make_estimator
 from warpmis.kernels.path.specular import make_specular
 from warpmis.kernels.path.state import first_hit_of
@@ -48,6 +49,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     record = estimator.record
     PathState = estimator.PathState
     vec_s = estimator.strategies.vec_s
+    emission = make_emission(features, PathState, lights.control, record)
     specular = make_specular(features, PathState, lights)
     vertices = make_vertex(features, PathState, surface, lights, direct_light)
     throughput = make_throughput(features, surface, estimator)
@@ -64,12 +66,6 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
         path.receiver.x = ray.origin
         estimator.begin(path, allocation, u_choice)
         return path
-
-    @wp.func
-    def add_emission(path: wp.ref[PathState], emission: wp.vec3):
-        radiance = wp.cw_mul(path.beta, emission)
-        path.L += radiance
-        record.emission(path, radiance)
 
     @wp.func
     def Li(
@@ -97,22 +93,17 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             if not estimator.weigh_ray(scene, path, on_ray):
                 break
 
-            # Add their emission, weighted where a light sample could have found it as well.
-            emission = on_ray.radiance
-            if path.weighs_emission:
-                emission = on_ray.weighted
+            # Add their emission, and that of the surface where there is one.
+            emitted = emission.of_lights(path, on_ray)
             if path.bounces == 0 and on_ray.hits > 0:
                 path.first_hit.alpha = 1.0
             if hit.distance >= INFINITE_DISTANCE:
-                add_emission(path, emission)
+                emission.add(path, emitted)
                 break
-
-            # Add the surface's own emission.
             material = materials.at(scene, hit.triangle, hit.u, hit.v)
             if wp.static(features.mesh_light):
-                pdf = wp.where(path.weighs_emission, path.pdf_bsdf, UNWEIGHTED)
-                emission += direct_light.from_mesh_light(scene, path.receiver, hit, material, path.wi, distance, pdf)
-            add_emission(path, emission)
+                emitted += emission.of_surface(scene, path, hit, material, distance)
+            emission.add(path, emitted)
 
             # A surface may let the path pass straight through.
             frame = intersect.shading_frame(scene, hit, material, path.wi)

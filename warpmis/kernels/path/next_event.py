@@ -13,7 +13,7 @@ import warp as wp
 from warpmis.device.views import SceneView
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.direct_light import DirectLight
-from warpmis.kernels.light.table import LightsOnRay
+from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import to_world
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
-from warpmis.kernels.light.table import LightsOnRay
+from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.path.state import Vertex
 
 wp.set_module_options({"enable_backward": False})

@@ -1,0 +1,67 @@
+"""The emission that a path's ray meets, of the lights on its way and of the surface at its end.
+
+A light sample of the vertex that the ray left could have found the same light: then the emission is weighted by the
+balance heuristic (PathState.weighs_emission).
+"""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import NO_LIGHT, MaterialView, SceneView
+from warpmis.kernels.hit import Hit
+from warpmis.kernels.light.choice import density, importance
+from warpmis.kernels.light.mesh_light import pdf_mesh
+from warpmis.kernels.light.on_ray import LightsOnRay
+from warpmis.kernels.mis import balance_weight
+from warpmis.scene.features import Features
+
+wp.set_module_options({"enable_backward": False})
+
+
+def make_emission(
+    features: Features, PathState: type, control: SimpleNamespace, record: SimpleNamespace
+) -> SimpleNamespace:
+    """Functions: add, of_lights, of_surface."""
+
+    @wp.func
+    def add(path: wp.ref[PathState], emission: wp.vec3):
+        """Add what the path brings of an emission."""
+        radiance = wp.cw_mul(path.beta, emission)
+        path.L += radiance
+        record.emission(path, radiance)
+
+    @wp.func
+    def of_lights(path: wp.ref[PathState], on_ray: wp.ref[LightsOnRay]) -> wp.vec3:
+        emission = on_ray.radiance
+        if path.weighs_emission:
+            emission = on_ray.weighted
+        return emission
+
+    @wp.func
+    def controlled(scene: SceneView, path: wp.ref[PathState], light: int, emission: wp.vec3) -> wp.vec3:
+        """What the light's controls make of it for the last vertex."""
+        factor = control.factor(scene, light, path.receiver, path.wi)
+        if wp.static(features.light_response):
+            if path.receiver.is_surface:
+                factor = wp.cw_mul(factor, control.response(scene, light, path.receiver.diffuse))
+        return wp.cw_mul(emission, factor)
+
+    @wp.func
+    def of_surface(
+        scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], material: MaterialView, distance: float
+    ) -> wp.vec3:
+        """That of a mesh light, `distance` from the last vertex; 0 of all other surfaces, and behind one-sided ones."""
+        index = scene.triangles[hit.triangle].light
+        if index == NO_LIGHT or (hit.outside == 0 and material.double_sided == 0):
+            return wp.vec3(0.0, 0.0, 0.0)
+        emission = material.emission
+        if wp.static(features.controlled):
+            emission = controlled(scene, path, index, emission)
+        if path.weighs_emission:
+            light = scene.lights[index]
+            of_light = pdf_mesh(light, hit.ng, path.wi, distance) * importance(scene, light, path.receiver)
+            emission = emission * balance_weight(path.pdf_bsdf, density(of_light, path.receiver.total))
+        return emission
+
+    return SimpleNamespace(add=add, of_lights=of_lights, of_surface=of_surface)
