@@ -26,6 +26,7 @@ from warpmis.scene import (
     SphereLight,
 )
 from warpmis.scene.light_control import PLAIN, LightControl
+from warpmis.usd.color_space import linear_color
 from warpmis.usd.lights.light_control import read_control, warn_unhonoured
 from warpmis.usd.lights.light_picture import read_dome_picture
 from warpmis.usd.reading import MAX_COORDINATE, Reading
@@ -115,7 +116,8 @@ def read_emission(prim: Any, reading: Reading) -> Emission | None:
     light = UsdLux.LightAPI(prim)
     intensity = reading.number(prim, "inputs:intensity", 1.0)
     exposure = reading.number(prim, "inputs:exposure", 0.0)
-    color = np.array(reading.get(light.GetColorAttr(), (1.0, 1.0, 1.0)), np.float64)
+    authored = reading.get(light.GetColorAttr(), (1.0, 1.0, 1.0))
+    color = np.array(linear_color(light.GetColorAttr(), authored, reading), np.float64)
     if reading.get(light.GetEnableColorTemperatureAttr(), False):
         color = color * blackbody_color(reading.number(prim, "inputs:colorTemperature", 6500.0))
     radiance = intensity * np.exp2(exposure) * color

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from pxr import UsdLux
 
 from warpmis.scene.light_control import PLAIN, IesProfile, LightControl, Shaping
+from warpmis.usd.asset_path import read_asset
+from warpmis.usd.color_space import linear_color
 from warpmis.usd.lights.ies import IesError, read_ies
 from warpmis.usd.lights.light_picture import read_light_picture
 from warpmis.usd.materials.image import PictureError, asset_bytes
@@ -62,7 +64,8 @@ def read_shaping(prim: Any, matrix: Vector, reading: Reading) -> Shaping | None:
     degrees = _number(prim, "inputs:shaping:cone:angle", 90.0, reading)
     softness = _number(prim, "inputs:shaping:cone:softness", 0.0, reading)
     focus = _number(prim, "inputs:shaping:focus", 0.0, reading)
-    tint = np.array(reading.get(prim.GetAttribute("inputs:shaping:focusTint"), (0.0, 0.0, 0.0)), np.float64)
+    attribute = prim.GetAttribute("inputs:shaping:focusTint")
+    tint = np.array(linear_color(attribute, reading.get(attribute, (0.0, 0.0, 0.0)), reading), np.float64)
     if not (np.isfinite(tint) & (tint >= 0.0) & (tint < MAX_CONTROL)).all():
         reading.warn(prim.GetPath(), "shaping:focusTint is negative or not finite; black is used")
         tint = np.zeros(3)
@@ -88,13 +91,13 @@ def _changes(shaping: Shaping, type_name: str) -> bool:
 def read_profile(prim: Any, reading: Reading) -> IesProfile | None:
     """The profile of shaping:ies:file, over its mean intensity where shaping:ies:normalize is on; None without one or,
     with a warning, where it cannot be read."""
-    asset = reading.get(prim.GetAttribute("inputs:shaping:ies:file"))
-    if not asset or not asset.path:
+    asset = read_asset(prim.GetAttribute("inputs:shaping:ies:file"), reading)
+    if asset is None or not asset.path:
         return None
     try:
-        if not asset.resolvedPath:
+        if not asset.file:
             raise IesError("it does not exist")
-        profile = read_ies(asset_bytes(asset.resolvedPath).decode("latin-1"))
+        profile = read_ies(asset_bytes(asset.file).decode("latin-1"))
     except (IesError, PictureError) as error:
         reading.warn(prim.GetPath(), f"the light is rendered without its profile {asset.path}: {error}")
         return None

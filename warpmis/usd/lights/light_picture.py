@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from warpmis.usd.asset_path import read_asset
+from warpmis.usd.color_space import AUTO, space_of
 from warpmis.usd.lights.dome_format import LAYOUTS, as_latlong
 from warpmis.usd.materials.image import Float32Array, PictureError, read_picture, without_invalid_texels
 from warpmis.usd.reading import Reading
@@ -13,13 +15,15 @@ def read_light_picture(prim: Any, reading: Reading) -> Float32Array | None:
     """The picture of a light's texture:file, shape (rows, columns, 3); None without one or, with a warning, where it
     cannot be read."""
     path = prim.GetPath()
-    asset = reading.get(prim.GetAttribute("inputs:texture:file"))
-    if not asset or not asset.path:
+    attribute = prim.GetAttribute("inputs:texture:file")
+    asset = read_asset(attribute, reading)
+    if asset is None or not asset.path:
         return None
     try:
-        if not asset.resolvedPath:
+        if not asset.file:
             raise PictureError(f"{asset.path} does not exist")
-        pixels, invalid = without_invalid_texels(read_picture(asset.resolvedPath))
+        space = space_of(attribute, AUTO, reading)
+        pixels, invalid = without_invalid_texels(read_picture(asset.file, space))
     except PictureError as error:
         what = "dome" if "Dome" in str(prim.GetTypeName()) else "light"
         reading.warn(path, f"the {what} is rendered in its plain color: {error}")

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Ar
 
+from warpmis.usd.color_space import AUTO, LINEAR, RAW, SRGB, linear_rec709
+
 Float32Array = NDArray[np.float32]
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -41,17 +43,30 @@ class PictureError(ValueError):
     """A picture that cannot be opened or decoded; the message says which and why."""
 
 
-def read_picture(resolved_path: str) -> Float32Array:
+def read_picture(resolved_path: str, space: str = AUTO) -> Float32Array:
     """Decodes the first picture of a file to linear Rec.709, shape (rows, columns, 3), row 0 on top.
 
-    8-bit pictures are sRGB and become linear; all others are linear already. One channel counts as grey, alpha is left
-    out.
+    One channel counts as grey, alpha is left out.
+
+    Args:
+        space: as `known_space` has it; AUTO takes 8-bit pictures for sRGB, all others for linear.
 
     Raises:
         PictureError: the file is missing, damaged or of an unknown format.
     """
     pixels = read_stored(resolved_path).pixels
-    return _as_rgb(srgb_to_linear((pixels / 255.0).astype(np.float32)) if pixels.dtype == np.uint8 else pixels)
+    is_srgb = space == SRGB or (space == AUTO and pixels.dtype == np.uint8)
+    return _as_rgb(linear_floats(pixels, SRGB if is_srgb else LINEAR if space == AUTO else space))
+
+
+def linear_floats(pixels: NDArray[Any], space: str) -> Float32Array:
+    """Pixels as stored in linear Rec.709, not negative, shape (rows, columns, 1 to 4); alpha as it is."""
+    values = (pixels / 255.0).astype(np.float32) if pixels.dtype == np.uint8 else pixels
+    if space in (LINEAR, RAW):
+        return values
+    colors, alpha = np.split(values, [3 if values.shape[-1] >= 3 else 1], axis=-1)
+    linear = srgb_to_linear(colors) if space == SRGB else np.maximum(linear_rec709(colors, space), 0.0)
+    return np.concatenate([linear, alpha], axis=-1).astype(np.float32)
 
 
 def read_stored(resolved_path: str) -> Picture:

@@ -13,13 +13,12 @@ import numpy as np
 
 from warpmis.scene import Material
 from warpmis.scene.texture import Lookup, PrimvarLookup, TextureLookup, is_lookup
+from warpmis.usd.color_space import RAW, space_of
 from warpmis.usd.materials.preview_surface import clamped, constant_if_uniform, read_preview_surface
 from warpmis.usd.materials.shading_network import IDENTITY, ShadingNetwork, Transform, is_input
 from warpmis.usd.shapes.primvar import PrimvarRead
 
 WRAP_MODES = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
-# Names of MaterialX's texture space as the colorSpace of an asset attribute.
-SRGB_NAMES = ("srgb_texture", "srgb_tx", "sRGB", "srgb_rec709_scene")
 TEXCOORD_SETS = ("st", "st1", "st2", "st3")
 
 
@@ -191,7 +190,9 @@ class MaterialXNetwork(ShadingNetwork):
         file = self.source(node, "file")
         texture = None
         if file is not None and is_input(file):
-            texture = self.textures.read(file, "sRGB" if str(file.GetColorSpace()) in SRGB_NAMES else "raw")
+            # Colours alone have a space in MaterialX.
+            space = space_of(file, RAW, self.reading) if "_color" in kind else RAW
+            texture = self.textures.read(file, space)
         if texture is None:
             return self.vector(node, "default", width, None)
         column, transform = self._texcoord(node, kind)

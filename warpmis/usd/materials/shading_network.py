@@ -9,6 +9,7 @@ import numpy as np
 from pxr import UsdShade
 
 from warpmis.scene.texture import Lookup, PrimvarLookup, TextureLookup, Vec4
+from warpmis.usd.color_space import AUTO, known_space, linear_color, space_of
 from warpmis.usd.materials.texture import TextureReader
 from warpmis.usd.reading import Reading
 from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead
@@ -17,7 +18,6 @@ Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 IDENTITY: Transform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 WRAP_MODES = ("black", "clamp", "repeat", "mirror")
-COLOR_SPACES = ("auto", "raw", "sRGB")
 # A chain of more UsdTransform2d is taken for a circle.
 MAX_TRANSFORMS = 16
 
@@ -97,7 +97,7 @@ class ShadingNetwork:
         texture = None
         file = self.source(node, "file")
         if file is not None and is_input(file):
-            texture = self.textures.read(file, self._token(node, "sourceColorSpace", COLOR_SPACES, "auto"))
+            texture = self.textures.read(file, self._color_space(node, file))
         else:
             self.reading.warn(node.GetPath(), "the texture names no file; its fallback is used")
         if texture is None:
@@ -150,6 +150,16 @@ class ShadingNetwork:
         (a, b, c), (d, e, f) = rows.tolist()
         return (a, b, c), (d, e, f)
 
+    def _color_space(self, node: Any, file: Any) -> str:
+        """sourceColorSpace where it is authored, else the space of the file's attribute, else AUTO."""
+        authored = str(self.constant(node, "sourceColorSpace", ""))
+        if authored in ("", "useMetadata"):
+            return space_of(file, AUTO, self.reading)
+        found = known_space(authored)
+        if found is None:
+            self.reading.warn(node.GetPath(), f"sourceColorSpace {authored} is not known; {AUTO} is used")
+        return found or AUTO
+
     def _name(self, node: Any) -> str:
         """The primvar that a reader reads."""
         name = str(self.constant(node, "varname", ""))
@@ -186,7 +196,8 @@ class ShadingNetwork:
         if not attribute:
             return None
         is_single = width == 1 or str(attribute.GetTypeName()) in ("float", "double", "half")
-        return self.reading.get(attribute, like=0.0 if is_single else np.zeros(width))
+        value = self.reading.get(attribute, like=0.0 if is_single else np.zeros(width))
+        return value if is_single else linear_color(attribute, value, self.reading)
 
     def kind(self, node: Any) -> str:
         """The identifier of a node's shader, "None" where it has none."""

@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, UsdShade
 
 from warpmis.scene.texture import FIRST_TILE, Texture
-from warpmis.usd.materials.image import Picture, PictureError, read_stored, srgb_to_linear
+from warpmis.usd.asset_path import AssetFiles, read_asset
+from warpmis.usd.color_space import AUTO, LINEAR, RAW, SRGB
+from warpmis.usd.materials.image import Picture, PictureError, linear_floats, read_stored
 from warpmis.usd.reading import Reading
 
 # Texels are indexed with int32 on the device: a word for each of bytes, and for each float.
 MAX_TEXEL_WORDS = 2**31 - 1
+# Spaces whose bytes the device decodes.
+BYTES = (LINEAR, RAW, SRGB)
 
 
 @dataclass(eq=False)
@@ -32,44 +35,35 @@ class TextureReader:
     textures: dict[Any, Texture | None] = field(default_factory=dict)
     words: int = 0
 
-    def read(self, attribute: Any, color_space: str) -> Texture | None:
+    def read(self, attribute: Any, space: str) -> Texture | None:
         """The texture of an asset attribute; None, with a warning, where no picture of it can be read.
 
         Args:
-            color_space: UsdUVTexture's sourceColorSpace; "auto" is sRGB where the file says so, and for bytes of three
-                or four channels.
+            space: as `known_space` has it; AUTO is sRGB where the file says so, and for bytes of three or four
+                channels.
         """
-        paths = self._tile_paths(attribute)
-        key = (tuple(sorted(paths.items())), color_space)
+        asset = read_asset(attribute, self.reading)
+        if asset is None:
+            return None
+        if not asset.files:
+            reason = f"{asset.path} has no tiles" if asset.is_udim else f"{asset.path} does not exist"
+            reason = reason if asset.path else "it names no file"
+            self.reading.warn(attribute.GetPath(), f"the texture cannot be read: {reason}; its fallback is used")
+            return None
+        key = (tuple(sorted(asset.files.items())), space)
         if key not in self.textures:
-            self.textures[key] = self._texture(attribute, paths, color_space)
+            self.textures[key] = self._texture(attribute, asset, space)
         return self.textures[key]
 
-    def _tile_paths(self, attribute: Any) -> dict[int, str]:
-        """Resolved path of each tile that there is, by UDIM number; a picture without tiles is FIRST_TILE."""
-        asset = self.reading.get(attribute, like=Sdf.AssetPath())
-        if asset is None or not asset.path:
-            self.reading.warn(attribute.GetPath(), "the texture names no file; its fallback is used")
-            return {}
-        if not UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-            return {FIRST_TILE: asset.resolvedPath or asset.path}
-        specs = attribute.GetPropertyStack(self.reading.time)
-        found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, specs[0].layer)
-        if not found:
-            self.reading.warn(attribute.GetPath(), f"{asset.path} has no tiles; its fallback is used")
-        return {int(number): str(path) for path, number in found}
-
-    def _texture(self, attribute: Any, paths: dict[int, str], color_space: str) -> Texture | None:
-        read = {number: self._picture(attribute.GetPath(), path) for number, path in paths.items()}
+    def _texture(self, attribute: Any, asset: AssetFiles, space: str) -> Texture | None:
+        read = {number or FIRST_TILE: self._picture(attribute.GetPath(), path) for number, path in asset.files.items()}
         pictures = {number: picture for number, picture in read.items() if picture is not None}
         if not pictures:
             return None
-        is_srgb = color_space == "sRGB" or (color_space == "auto" and all(map(_is_srgb, pictures.values())))
-        tiles = {number: picture.pixels for number, picture in pictures.items()}
-        if is_srgb:
-            tiles = {number: _linear_floats(pixels) for number, pixels in tiles.items()}
-        is_udim = UsdShade.UdimUtils.IsUdimIdentifier(self.reading.get(attribute).path)
-        return Texture(tiles, is_srgb, is_udim)
+        if space == AUTO:
+            space = SRGB if all(map(_is_srgb, pictures.values())) else LINEAR
+        tiles = {number: _decoded_here(picture.pixels, space) for number, picture in pictures.items()}
+        return Texture(tiles, space == SRGB, asset.is_udim)
 
     def _picture(self, prim_path: Any, path: str) -> Picture | None:
         if path not in self.pictures:
@@ -96,14 +90,11 @@ class TextureReader:
         return Picture(pixels, picture.says_srgb)
 
 
+def _decoded_here(pixels: NDArray[Any], space: str) -> NDArray[Any]:
+    """Linear floats; bytes of a space that the device decodes stay bytes."""
+    return pixels if pixels.dtype == np.uint8 and space in BYTES else linear_floats(pixels, space)
+
+
 def _is_srgb(picture: Picture) -> bool:
     """What sourceColorSpace "auto" finds."""
     return picture.says_srgb or (picture.pixels.dtype == np.uint8 and picture.pixels.shape[-1] >= 3)
-
-
-def _linear_floats(pixels: NDArray[Any]) -> NDArray[Any]:
-    """Floats with their sRGB colours made linear, alpha as it is; bytes are decoded where they are looked up."""
-    if pixels.dtype == np.uint8:
-        return pixels
-    colors = 3 if pixels.shape[-1] >= 3 else 1
-    return np.concatenate([srgb_to_linear(pixels[..., :colors]), pixels[..., colors:]], axis=-1)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom
 
+from warpmis.usd.color_space import linear_color
 from warpmis.usd.reading import Reading
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
 
@@ -80,7 +81,7 @@ def primvar_elements(
     if values.dtype.kind not in "fiu" or values.size % width or (values.ndim == 2 and values.shape[1] != width):
         reading.warn(primvar.GetAttr().GetPath(), "left out: it is of the wrong type")
         return nothing
-    values = values.astype(np.float64).reshape(-1, width)
+    values = linear_color(primvar.GetAttr(), values.astype(np.float64).reshape(-1, width), reading)
     indices = reading.indices(primvar.GetIndicesAttr()) if primvar.IsIndexed() else np.arange(len(values))
     if len(indices) and (indices.min() < 0 or indices.max() >= len(values)):
         message = f"primvars:{name} is left out: its indices lie outside the {len(values)} values"
