@@ -7,6 +7,7 @@ from typing import Any
 from pxr import Gf, Usd, UsdSkel
 
 from warpmis.usd.reading import PxrError, Reading
+from warpmis.usd.shapes.skinned_vectors import prepare_directions
 
 # What leads from a skinned prim to what poses it, and what becomes of the prim without. Of skel:skeleton pxr warns.
 RELATED = {
@@ -41,6 +42,7 @@ def bake_skinning(reading: Reading) -> None:
             reading.targets(prim.GetRelationship(name), otherwise)
     for prim in [prim for prim in _prims(stage) if prim.IsA(UsdSkel.Root)]:
         try:
+            prepare_directions(UsdSkel.Root(prim), reading)
             baked = UsdSkel.BakeSkinning(UsdSkel.Root(prim), Gf.Interval(time.GetValue(), time.GetValue()))
         except PxrError:
             baked = False
@@ -53,7 +55,7 @@ def _prims(stage: Any) -> Any:
 
 
 def _expand_instances(stage: Any) -> None:
-    """Makes what holds a SkelRoot or an animation no instance, since no opinion can be written inside one."""
+    """Makes what holds anything of a skeleton no instance, since no opinion can be written inside one."""
     while True:
         inside = [prim for prim in _prims(stage) if prim.IsInstanceProxy() and _is_skinned(prim)]
         instances = {_outermost_instance(prim).GetPath() for prim in inside}
@@ -64,7 +66,7 @@ def _expand_instances(stage: Any) -> None:
 
 
 def _is_skinned(prim: Any) -> bool:
-    return bool(prim.IsA(UsdSkel.Root) or prim.IsA(UsdSkel.Animation))
+    return bool(prim.IsA(UsdSkel.Root) or prim.IsA(UsdSkel.Animation) or prim.HasAPI(UsdSkel.BindingAPI))
 
 
 def _outermost_instance(prim: Any) -> Any:
