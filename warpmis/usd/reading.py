@@ -21,6 +21,9 @@ MAX_COORDINATE = 1e18
 PRIM_PREFIX = re.compile(r"^In <[^>]*>: ")
 SOURCE_SITE = re.compile(r" \((instantiating|recomposing) stage on stage .*\)$")
 
+# pxr's line about a binding without its schema.
+UNAPPLIED = re.compile(r"material bindings on prim at path \(([^)]*)\) but MaterialBindingAPI is not applied")
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -202,7 +205,10 @@ def add_diagnostics(messages: Iterable[str], warnings: Messages) -> None:
     known = list(warnings)
     for message in messages:
         bare = SOURCE_SITE.sub("", PRIM_PREFIX.sub("", message)).strip()
-        if not any(bare in line for line in known):
+        unapplied = UNAPPLIED.search(bare)
+        if unapplied:
+            warnings.add(unapplied[1], "MaterialBindingAPI is not applied; its binding counts all the same")
+        elif not any(bare in line for line in known):
             warnings.add_text(bare)
 
 

@@ -40,6 +40,7 @@ from warpmis.usd.shapes.points import read_points
 from warpmis.usd.shapes.primitives import is_primitive, read_primitive
 from warpmis.usd.shapes.skinning import bake_skinning, has_skeletons
 from warpmis.usd.shapes.surfaces import Shading, Surface
+from warpmis.usd.unread import warn_unread
 from warpmis.whole_numbers import checked_integer
 
 # usdrecord's names, and how many times each refines a subdivision surface.
@@ -195,6 +196,7 @@ class StageContents:
         """Reads one prim, whatever it is, at all its places."""
         placement = replace(placement, matrices=moved(placement.matrices, self.origin))
         prim = placement.prim
+        warn_unread(prim, self.reading)
         if prim.IsA(UsdGeom.Gprim):
             self._add_gprim(placement)
         elif prim.HasAPI(UsdLux.LightAPI):

@@ -91,6 +91,8 @@ class MaterialReader:
             if relationship:
                 targets = ", ".join(str(target) for target in relationship.GetTargets())
                 self.reading.warn(prim.GetPath(), f"its bound material {targets} does not exist; {otherwise} is used")
+            else:
+                self._warn_of_other_purposes(prim, otherwise)
             return None
         path = material.GetPath()
         if path not in self.by_path:
@@ -100,15 +102,27 @@ class MaterialReader:
     def _binding(self, prim: Any) -> tuple[Any, Any]:
         """Material and relationship of the first purpose that is bound; USD resolves strength and collections."""
         for purpose in self.purposes:
-            try:
-                material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
-            except PxrError as error:
-                self.reading.warn(prim.GetPath(), f"its binding cannot be read: {one_line(error)}")
-                continue
-            # A purpose without a binding of its own is answered with that for all purposes.
-            if relationship and _purpose_of(relationship) == purpose:
+            material, relationship = self._resolved(prim, purpose)
+            if relationship:
                 return material, relationship
         return None, None
+
+    def _resolved(self, prim: Any, purpose: str) -> tuple[Any, Any]:
+        """Material and relationship of the binding for this very purpose; None of both without any."""
+        try:
+            material, relationship = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+        except PxrError as error:
+            self.reading.warn(prim.GetPath(), f"its binding cannot be read: {one_line(error)}")
+            return None, None
+        # A purpose without a binding of its own is answered with that for all purposes.
+        return (material, relationship) if relationship and _purpose_of(relationship) == purpose else (None, None)
+
+    def _warn_of_other_purposes(self, prim: Any, otherwise: str) -> None:
+        """Where a material is bound for a purpose that is not rendered, and none for one that is."""
+        for purpose in sorted({"full", "preview"} - set(self.purposes)):
+            if self._resolved(prim, purpose)[0]:
+                message = f"its material is bound for the purpose {purpose} alone, which is not rendered"
+                self.reading.warn(prim.GetPath(), f"{message}; {otherwise} is used")
 
     def _read(self, material: Any) -> BoundMaterial | None:
         """A UsdPreviewSurface, or else MaterialX; None, with a warning, for a material of another shader."""
