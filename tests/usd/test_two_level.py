@@ -243,6 +243,101 @@ def test_native_instances_share_a_prototype_if_their_materials_are_equal() -> No
     assert [scene.prims[number].path for number in prototype.prims] == ["/A/Ball", "/C/Ball"]
 
 
+def bolts(count: int, glow: str = "", names: str = "") -> str:
+    """Native instances that hold their own material, and where there are `names`, one without an instance for each."""
+    bolt = f"""{{
+    def Material "Look"
+    {{
+        token outputs:surface.connect = <Look/S.outputs:surface>
+        def Shader "S"
+        {{
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor = (0.8, 0.1, 0.1)
+            {glow}
+            token outputs:surface
+        }}
+    }}
+    def Sphere "Head" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {{
+        rel material:binding = <../Look>
+    }}
+}}
+""".replace("<Look/S", "<S").replace("<../Look>", "</Bolt/Look>")
+    text = f'class Xform "Bolt"\n{bolt}'
+    for i in range(count):
+        place = f'double3 xformOp:translate = ({3 * i}, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:translate"]'
+        text += f'def "B{i}" ( instanceable = true\ninherits = </Bolt> )\n{{\n{place}\n}}\n'
+    return text + "".join(f'def Xform "{name}"\n{bolt.replace("/Bolt/", f"/{name}/")}' for name in names)
+
+
+def test_native_instances_with_a_material_of_their_own_share_a_surface_and_the_material() -> None:
+    scene = loaded(bolts(5), 0)
+    (prototype,) = scene.prototypes
+    assert [scene.prims[number].path for number in prototype.prims] == [f"/B{i}/Head" for i in range(5)]
+    assert len(scene.materials) == 1
+    assert not len(scene.geometry.triangles)
+
+
+def test_native_instances_bound_to_equal_materials_outside_share_a_surface() -> None:
+    scene = loaded(bound_outside("(0.8, 0.1, 0.1)", "(0.8, 0.1, 0.1)", "(0.8, 0.1, 0.2)"), 0)
+    (prototype,) = scene.prototypes
+    assert [scene.prims[number].path for number in prototype.prims] == ["/I0/Ball", "/I1/Ball"]
+    assert [material.path for material in scene.materials] == ["/M0", "/M2"]
+
+
+def bound_outside(*colors: str) -> str:
+    """A native instance for each color, and a material for each instance beside it."""
+    text = 'class Xform "Class"\n{\ndef Sphere "Ball"\n{\n}\n}\n'
+    for i, color in enumerate(colors):
+        text += f"""def "I{i}" ( instanceable = true
+    inherits = </Class>
+    prepend apiSchemas = ["MaterialBindingAPI"] )
+{{
+    rel material:binding = </M{i}>
+}}
+def Material "M{i}"
+{{
+    token outputs:surface.connect = </M{i}/S.outputs:surface>
+    def Shader "S"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor = {color}
+        token outputs:surface
+    }}
+}}
+"""
+    return text
+
+
+def test_materials_that_are_no_instances_keep_their_names() -> None:
+    scene = loaded(bolts(2, names="XY"), 10**9)
+    assert [material.path for material in scene.materials] == ["/B0/Look", "/X/Look", "/Y/Look"]
+
+
+def test_instances_in_another_color_space_have_another_material() -> None:
+    text = bolts(2)
+    api = 'prepend apiSchemas = ["ColorSpaceAPI"]\ninherits = </Bolt> )\n{\nuniform token colorSpace:name = "acescg"\n'
+    head, one, tail = text.partition('def "B1" ( instanceable = true\ninherits = </Bolt> )\n{\n')
+    scene = loaded(head + one.replace("inherits = </Bolt> )\n{\n", api) + tail, 0)
+    assert len(scene.materials) == 2
+    assert scene.materials[0].diffuse_color != scene.materials[1].diffuse_color
+
+
+def test_emissive_instances_are_as_one_material_that_they_share() -> None:
+    """They stand in world space, once each, and the surface is read once."""
+    glow = "color3f inputs:emissiveColor = (2, 1, 0)"
+    scene = loaded(bolts(4, glow), 0)
+    ball = len(load('def Sphere "S"\n{\n}\n').geometry.triangles)
+    assert len(scene.materials) == 1
+    assert len(scene.geometry.triangles) == 4 * ball
+    assert detect(scene).mesh_light
+
+
+def test_a_thousand_instances_with_their_own_material_take_the_memory_of_one() -> None:
+    one, many = (sum(part.nbytes for part in load(bolts(count)).parts) for count in (1, 1000))
+    assert many < 1.2 * one
+
+
 def test_bounds_hold_every_place() -> None:
     scene = loaded(grid(20), 0)
     low, high = bounds(scene.geometry, scene.prototypes)

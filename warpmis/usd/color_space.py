@@ -61,7 +61,7 @@ def known_space(name: str) -> str | None:
 def space_of(attribute: Any, otherwise: str, reading: Reading) -> str:
     """The space of an attribute's value, as `known_space` has it; `otherwise` without one and, with a warning, for one
     that is not known."""
-    name = str(attribute.GetColorSpace()) or _inherited(attribute.GetPrim(), reading)
+    name = str(attribute.GetColorSpace()) or inherited_space(attribute.GetPrim(), reading)
     if not name:
         return otherwise
     found = known_space(name)
@@ -70,7 +70,7 @@ def space_of(attribute: Any, otherwise: str, reading: Reading) -> str:
     return found or otherwise
 
 
-def _inherited(prim: Any, reading: Reading) -> str:
+def inherited_space(prim: Any, reading: Reading) -> str:
     """The name that the nearest prim with ColorSpaceAPI gives, the prim itself first; "" without any."""
     while prim and not prim.IsPseudoRoot():
         if prim.HasAPI(Usd.ColorSpaceAPI):

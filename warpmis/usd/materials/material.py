@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from pxr import UsdShade
 
 from warpmis.scene import Material
 from warpmis.scene.texture import PrimvarLookup
+from warpmis.usd.color_space import inherited_space
 from warpmis.usd.materials.materialx import MaterialXNetwork, is_materialx, read_materialx
 from warpmis.usd.materials.preview_surface import clamped, read_preview_surface
 from warpmis.usd.materials.shading_network import ShadingNetwork
@@ -38,20 +39,29 @@ class MaterialReader:
     Attributes:
         purposes: of bindings, as Settings.material_purposes.
         materials: material -> its index, in the order of first use.
-        by_path: what the stage's materials were read as; None for one that is not supported.
+        equals: material without its path -> the index of the first that is equal to it.
+        read: what the stage's materials were read as, by _key; None for one that is not supported.
     """
 
     reading: Reading
     purposes: tuple[str, ...] = ("full", "")
     materials: dict[Material, int] = field(default_factory=dict)
-    by_path: dict[Any, BoundMaterial | None] = field(default_factory=dict)
+    equals: dict[Material, int] = field(default_factory=dict)
+    read: dict[Any, BoundMaterial | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.textures = TextureReader(self.reading)
 
     def index(self, material: Material) -> int:
         """The material's place in Scene.materials."""
-        return self.materials.setdefault(material, len(self.materials))
+        index = self.materials.setdefault(material, len(self.materials))
+        self.equals.setdefault(replace(material, path=""), index)
+        return index
+
+    def shared_index(self, material: Material) -> int:
+        """That of an equal material, whatever its path: native instances that bring one each share a surface."""
+        known = self.equals.get(replace(material, path=""))
+        return self.index(material) if known is None else known
 
     def of_surface(self, prim: Any, surface: Surface) -> Shading:
         """Material of each triangle of a gprim, GeomSubsets of the family materialBind included, and its primvars."""
@@ -62,14 +72,15 @@ class MaterialReader:
         for subset, indices in material_subsets(prim, self.reading):
             bound = self.bound(subset, "the mesh's own material")
             # A subset without a binding has that of the mesh, as any prim has that of its parent.
-            if bound is not None and not (own and bound is self.by_path.get(own.GetPath())):
+            if bound is not None and not (own and bound is self.read.get(_key(own, self.reading))):
                 claim(by_face, indices, len(found), subset.GetPath(), self.reading)
                 found.append(bound)
         by_triangle = by_face[surface.faces]
         if (by_triangle < 0).any():
             by_triangle = np.where(by_triangle < 0, len(found), by_triangle)
             found.append(self.bound(prim) or display_material(prim, surface, self.reading))
-        materials = np.array([self.index(bound.material) for bound in found], np.int64)
+        index = self.shared_index if prim.IsInstanceProxy() else self.index
+        materials = np.array([index(bound.material) for bound in found], np.int64)
         return Shading(materials[by_triangle], self._primvars(prim, surface, found, by_triangle))
 
     def _primvars(
@@ -94,10 +105,10 @@ class MaterialReader:
             else:
                 self._warn_of_other_purposes(prim, otherwise)
             return None
-        path = material.GetPath()
-        if path not in self.by_path:
-            self.by_path[path] = self._read(material)
-        return self.by_path[path]
+        key = _key(material, self.reading)
+        if key not in self.read:
+            self.read[key] = self._read(material)
+        return self.read[key]
 
     def _binding(self, prim: Any) -> tuple[Any, Any]:
         """Material and relationship of the first purpose that is bound; USD resolves strength and collections."""
@@ -140,6 +151,14 @@ class MaterialReader:
             return BoundMaterial(read_materialx(shader, nodes), nodes.columns)
         self.reading.warn(path, f"its surface shader {kind} is not supported; displayColor is used")
         return None
+
+
+def _key(material: Any, reading: Reading) -> tuple[Any, str]:
+    """The same for a material in all instances of a native prototype, unless a color space comes from outside."""
+    prim = material.GetPrim()
+    if not prim.IsInstanceProxy():
+        return prim.GetPath(), ""
+    return prim.GetPrimInPrototype().GetPath(), inherited_space(prim, reading)
 
 
 def _purpose_of(relationship: Any) -> str:
