@@ -4,8 +4,9 @@
     python scripts/bench/same_pictures.py --before PATH --write FILE      keep its pictures, to be compared with later
     python scripts/bench/same_pictures.py --before FILE
 
-The stages are the four scenes of usd_scenes and, under the name `hard`, those of tests/hard, each checkout's own. The
-methods are all that there are, and a few settings beside them (VARIANTS). A row tells, over all pixels of a stage and a
+The stages are the four scenes of usd_scenes, many_effects.usda beside this file for lights and cameras that these do not
+have and, under the name `hard`, those of tests/hard, each checkout's own. The methods are all that there are, and a few
+settings beside them (VARIANTS). A row tells, over all pixels of a stage and a
 method, or of all hard cases and a method:
 
 identical  share of the pixels whose colour is the same bit for bit
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace")
+EFFECTS = Path(__file__).with_name("many_effects.usda")
 HARD = "hard"
 EIGHT = ("bsdf", "light", "uniform", "cosine", "area", "dome", "diffuse", "specular")
 
@@ -75,7 +77,8 @@ class Stages:
     def _load(self, name: str, width: int) -> Any:
         import warpmis
 
-        return warpmis.load_stage(self.checkout / "usd_scenes" / name / "scene.usda", width=width)
+        folder = self.checkout / "usd_scenes" / name
+        return warpmis.load_stage(EFFECTS if name == EFFECTS.stem else folder / "scene.usda", width=width)
 
     def _hard(self) -> dict[str, Any]:
         """All cases; their settings, and the effects that any of them calls for: one kernel a method for all."""
@@ -260,7 +263,7 @@ def compare_times(before: Path, stages: list[str], methods: list[str]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("stages", nargs="*", default=[*SCENES, HARD])
+    parser.add_argument("stages", nargs="*", default=[*SCENES, EFFECTS.stem, HARD])
     parser.add_argument("--methods", nargs="+", default=[], help="methods or settings of VARIANTS; all of them")
     parser.add_argument("--before", type=Path, help="another checkout, or a file that --write has made")
     parser.add_argument("--write", type=Path, help="file for the pictures of the other checkout")

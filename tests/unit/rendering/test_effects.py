@@ -32,7 +32,7 @@ FUNCTIONS = {
     "distant_light": ("sample_distant", "hit_distant"),
     "dome_constant": ("sample_dome_constant", "pdf_dome_constant"),
     "dome_picture": ("sample_dome_picture", "dome_radiance"),
-    "mesh_light": ("make_mesh__locals__sample", "make_lights__locals__pdf_emitter_triangles"),
+    "mesh_light": ("make_mesh__locals__sample", "pdf_emitter_triangles"),
     "delta_light": ("make_direct_light__locals__from_delta_light",),
     "shaping": ("shaping_factor",),
     "ies": ("ies_factor",),
