@@ -4,10 +4,9 @@
     python scripts/bench/same_pictures.py --before PATH --write FILE      keep its pictures, to be compared with later
     python scripts/bench/same_pictures.py --before FILE
 
-The stages are the four scenes of usd_scenes, many_effects.usda beside this file for lights and cameras that these do not
-have and, under the name `hard`, those of tests/hard, each checkout's own. The methods are all that there are, and a few
-settings beside them (VARIANTS). A row tells, over all pixels of a stage and a
-method, or of all hard cases and a method:
+The stages are the four scenes of usd_scenes, many_effects.usda beside this file for lights and cameras that these lack,
+and, under the name `hard`, those of tests/hard, each checkout's own. The methods are all that there are, and a few
+settings beside them (VARIANTS). A row shows, over all pixels of one stage (or of all hard cases) and one method:
 
 identical  share of the pixels whose colour is the same bit for bit
 within     share of those whose colours differ by at most 1e-4 of the brighter one
