@@ -11,7 +11,7 @@ from typing import Any
 import warpmis
 from warpmis.cli.console import progress_bar, say, start_warp
 from warpmis.cli.option_values import time_in_seconds, whole_number
-from warpmis.cli.render import add_stage_options, given, stage_options
+from warpmis.cli.stage_options import add_stage_options, given, stage_options
 from warpmis.compare.variants import KNOBS, Variant, chosen_variants, default_variants, swept
 from warpmis.config import RenderConfig
 from warpmis.errors import ConfigError

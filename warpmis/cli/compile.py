@@ -10,12 +10,11 @@ import warpmis
 from warpmis.cli.console import plain, say, start_warp
 from warpmis.cli.render import (
     add_kernel_options,
-    add_stage_options,
     forced_features,
     kernel_options,
     methods_epilog,
-    stage_options,
 )
+from warpmis.cli.stage_options import add_stage_options, stage_options
 from warpmis.config import DEFAULT_STRATEGIES, RenderConfig
 
 DESCRIPTION = """Compile the kernels that `render` would launch with the same options, and render nothing: for images

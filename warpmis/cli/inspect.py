@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import warpmis
 from warpmis.cli.console import SUPPLIED, byte_text, plain
-from warpmis.cli.render import add_stage_options, stage_options
+from warpmis.cli.stage_options import add_stage_options, stage_options
 
 if TYPE_CHECKING:
     from rich.console import Console

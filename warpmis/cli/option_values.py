@@ -16,6 +16,10 @@ def whole_number(text: str) -> int:
         raise ArgumentTypeError(f"'{_shortened(text)}' is not a whole number such as 64") from None
 
 
+def number(text: str) -> float:
+    return _number(text, "is not a number such as 1.5")
+
+
 def error_share(text: str) -> float:
     """0.01 of "1%" or "0.01"."""
     wanted = "is not an error such as 1% or 0.01, above 0 and at most 100%"
@@ -55,7 +59,19 @@ def purpose_list(text: str) -> tuple[str, ...]:
     return chosen
 
 
-def share_list(text: str) -> tuple[float, ...]:
+def binding_purpose_list(text: str) -> tuple[str, ...]:
+    """Purposes of material bindings as USD writes them: allPurpose is "" there."""
+    known = {"full": "full", "preview": "preview", "allPurpose": ""}
+    chosen = name_list(text)
+    for name in chosen:
+        if name not in known:
+            raise ArgumentTypeError(
+                f"there is no purpose '{_shortened(name)}' of bindings; choose from {', '.join(known)}"
+            )
+    return tuple(known[name] for name in chosen)
+
+
+def number_list(text: str) -> tuple[float, ...]:
     wanted = "is not a list of numbers such as 0.5,0.5"
     return tuple(_number(share, wanted, text) for share in text.split(","))
 

@@ -14,16 +14,8 @@ from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text
 from warpmis.cli.explain import explain
 from warpmis.cli.frame_ranges import frame_list
 from warpmis.cli.jobs import Job, jobs_of
-from warpmis.cli.option_values import (
-    PURPOSES,
-    error_share,
-    name_list,
-    purpose_list,
-    share_list,
-    time_code,
-    time_in_seconds,
-    whole_number,
-)
+from warpmis.cli.option_values import error_share, name_list, number_list, time_in_seconds, whole_number
+from warpmis.cli.stage_options import add_stage_options, given, stage_options
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
@@ -36,7 +28,6 @@ if TYPE_CHECKING:
 
 COLOR_CORRECTIONS = ("disabled", "sRGB")
 FEATURES = ("scene", "all")
-COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
 # ---- arguments --------------------------------------------------------------------------------------------------
@@ -69,41 +60,6 @@ def methods_epilog() -> str:
     return "methods:\n" + "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
 
 
-def add_stage_options(parser: argparse.ArgumentParser) -> Any:
-    """What to read of the stage, and the group, for those who have more to ask."""
-    group = parser.add_argument_group("what to render (as in usdrecord)")
-    group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim: its path, or its name if that is unique")
-    group.add_argument(
-        "--image-width",
-        "--imageWidth",
-        "-w",
-        type=whole_number,
-        metavar="PIXELS",
-        help="height follows from the aspect",
-    )
-    group.add_argument(
-        "--purposes",
-        type=purpose_list,
-        metavar="A,B",
-        help=f"of {', '.join(PURPOSES)}; default is always included",
-    )
-    group.add_argument(
-        "--render-settings-prim-path", "--renderSettingsPrimPath", "-rs", metavar="PRIM", help="RenderSettings prim"
-    )
-    group.add_argument(
-        "--complexity", "-c", choices=COMPLEXITIES, help="refine subdivision surfaces 0, 1, 2 or 3 times (high)"
-    )
-    group.add_argument(
-        "--variant", action="append", metavar="/PRIM{SET=VARIANT}", help="select a variant; may be given several times"
-    )
-    group.add_argument("--mask", type=name_list, metavar="/A,/B", help="load these prims alone, and what they refer to")
-    group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="a layer stronger than the stage")
-    group.add_argument(
-        "--time", "-t", type=time_code, metavar="T", help="time code (the stage's startTimeCode, else 0)"
-    )
-    return group
-
-
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to render")
     default = RenderConfig()
@@ -122,7 +78,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     add_kernel_options(group)
     group.add_argument(
         "--allocation",
-        type=share_list,
+        type=number_list,
         metavar="A,B",
         help="for --method fixed: each strategy's share, such as 0.5,0.5",
     )
@@ -200,7 +156,7 @@ def _add_learn_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to learn the allocation")
     group.add_argument("--learn-rounds", type=whole_number, metavar="N", help="rounds, one step each (from --spp)")
     group.add_argument("--learn-spp", type=whole_number, metavar="N", help="samples per pixel a round (from --spp)")
-    group.add_argument("--initial-allocation", type=share_list, metavar="A,B", help="shares at the start (equal)")
+    group.add_argument("--initial-allocation", type=number_list, metavar="A,B", help="shares at the start (equal)")
 
 
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
@@ -225,11 +181,6 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--quiet", action="store_true", help="say nothing but errors")
 
 
-def given(**options: Any) -> dict[str, Any]:
-    """The options that were given: what was not is left to the stage and the defaults."""
-    return {name: value for name, value in options.items() if value is not None}
-
-
 def _config(arguments: argparse.Namespace) -> RenderConfig:
     learn = LearnConfig(
         **given(
@@ -252,20 +203,6 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
             threads=arguments.threads,
         ),
         **kernel_options(arguments),
-    )
-
-
-def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What `add_stage_options` asked for, but the width, as `warpmis.render` and `load_stage` name it."""
-    return given(
-        camera=arguments.camera,
-        purposes=arguments.purposes,
-        render_settings=arguments.render_settings_prim_path,
-        complexity=arguments.complexity,
-        variants=arguments.variant,
-        mask=arguments.mask,
-        session_layer=arguments.session_layer,
-        time=arguments.time,
     )
 
 

@@ -41,6 +41,12 @@ def render(
     variants: Sequence[str] | None = None,
     mask: Sequence[str] | None = None,
     session_layer: str | os.PathLike[str] | None = None,
+    disable_depth_of_field: bool | None = None,
+    disable_motion_blur: bool | None = None,
+    pixel_aspect_ratio: float | None = None,
+    aspect_ratio_conform_policy: str | None = None,
+    data_window_ndc: Sequence[float] | None = None,
+    material_binding_purposes: Sequence[str] | None = None,
     shutter_samples: int = 1,
     denoise: bool = False,
     width: int | None = None,
@@ -74,8 +80,10 @@ def render(
 
     Args:
         stage: path of a USD file, a Usd.Stage, or a Scene.
-        camera, time, purposes, render_settings, product, complexity, variants, mask, session_layer: what to read of the
-            stage, as in load_stage. Not for a Scene, which has been read already.
+        camera, time, purposes, render_settings, product, complexity, variants, mask, session_layer,
+            disable_depth_of_field, disable_motion_blur, pixel_aspect_ratio, aspect_ratio_conform_policy,
+            data_window_ndc, material_binding_purposes: what to read of the stage and how, as in load_stage. Not for a
+            Scene, which has been read already.
         shutter_samples: the number of times within the camera's shutter interval at which the stage is read, for motion
             blur; 1 for none.
         denoise: render two independent halves, and make a second picture of them without noise (extra 'denoise').
@@ -116,6 +124,9 @@ def render(
     options = _given(
         camera=camera, time=time, purposes=purposes, render_settings=render_settings, product=product,
         complexity=complexity, variants=variants, mask=mask, session_layer=session_layer,
+        disable_depth_of_field=disable_depth_of_field, disable_motion_blur=disable_motion_blur,
+        pixel_aspect_ratio=pixel_aspect_ratio, aspect_ratio_conform_policy=aspect_ratio_conform_policy,
+        data_window_ndc=data_window_ndc, material_binding_purposes=material_binding_purposes,
     )  # fmt: skip
     config = _config(config, learn, settings, learning)
     shutter_samples = checked_integer("shutter_samples", shutter_samples)

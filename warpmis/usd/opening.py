@@ -32,7 +32,7 @@ def open_stage(
     if isinstance(path_or_stage, Usd.Stage):
         stage = _same_layers(path_or_stage, session_layer, mask)
     else:
-        root = _root_layer(os.fspath(path_or_stage))
+        root = _root_layer(path_or_stage)
         session = _session_above([] if session_layer is None else [_layer(os.fspath(session_layer))])
         stage = _opened(root, session, _population(mask))
     stage.SetEditTarget(stage.GetSessionLayer())

@@ -15,6 +15,7 @@ from warpmis.errors import StageError
 from warpmis.usd.messages import Messages
 from warpmis.usd.opening import open_stage
 from warpmis.usd.reading import Reading, add_diagnostics, captured_diagnostics, composition_warnings
+from warpmis.usd.request import checked_source
 from warpmis.usd.settings import settings_prim
 
 # What renderers and light path expressions call the pictures that a result has, in lower case.
@@ -77,7 +78,7 @@ def read_products(
     warnings = Messages()
     try:
         with captured_diagnostics() as messages, np.errstate(all="ignore"):
-            stage = open_stage(path_or_stage, variants, mask, session_layer)
+            stage = open_stage(checked_source(path_or_stage), variants, mask, session_layer)
             code = Usd.TimeCode(stage.GetStartTimeCode() if time is None else time)
             return _read_all(Reading(stage, code, frozenset(), 0, warnings=warnings), render_settings)
     except StageError as error:

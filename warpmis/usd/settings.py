@@ -141,10 +141,16 @@ def _conform_policy(settings: Any, reading: Reading) -> str:
 def _data_window(settings: Any, reading: Reading) -> tuple[float, float, float, float]:
     window = reading.get(settings.GetDataWindowNDCAttr(), WHOLE)
     x0, y0, x1, y1 = window
-    if not (x0 < x1 and y0 < y1 and max(map(abs, window)) <= MAX_OVERSCAN):
+    if not is_window(window):
         reading.warn(settings.GetPath(), f"dataWindowNDC {tuple(window)} is no window; the whole picture is rendered")
         return WHOLE
     return x0, y0, x1, y1
+
+
+def is_window(corners: Any) -> bool:
+    """Whether (xmin, ymin, xmax, ymax) is a data window that may be rendered."""
+    x0, y0, x1, y1 = corners
+    return bool(x0 < x1 and y0 < y1 and max(map(abs, corners)) <= MAX_OVERSCAN)
 
 
 def _purposes(settings: Any, reading: Reading) -> tuple[str, ...] | None:

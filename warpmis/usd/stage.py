@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdLux
 
-from warpmis.errors import ConfigError, StageError
+from warpmis.errors import StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
 from warpmis.usd.camera import light_boxes, read_camera
 from warpmis.usd.extent import StageExtent
@@ -33,7 +33,8 @@ from warpmis.usd.reading import (
     composition_warnings,
     one_line,
 )
-from warpmis.usd.settings import PURPOSES, Settings, read_settings
+from warpmis.usd.request import Request, checked_source
+from warpmis.usd.settings import Settings, read_settings
 from warpmis.usd.shapes.curves import read_curves
 from warpmis.usd.shapes.mesh import read_mesh
 from warpmis.usd.shapes.points import read_points
@@ -41,10 +42,6 @@ from warpmis.usd.shapes.primitives import is_primitive, read_primitive
 from warpmis.usd.shapes.skinning import bake_skinning, has_skeletons
 from warpmis.usd.shapes.surfaces import Shading, Surface
 from warpmis.usd.unread import warn_unread
-from warpmis.whole_numbers import checked_integer
-
-# usdrecord's names, and how many times each refines a subdivision surface.
-COMPLEXITIES = {"low": 0, "medium": 1, "high": 2, "veryhigh": 3}
 
 PORTAL_NOTE = "portals are hints for sampling and change no picture; they are not used"
 
@@ -55,15 +52,21 @@ def load_stage(
     camera: str | None = None,
     time: float | None = None,
     width: int | None = None,
-    purposes: tuple[str, ...] | None = None,
+    purposes: Sequence[str] | None = None,
     render_settings: str | None = None,
     product: str | None = None,
     complexity: str = "high",
     variants: Sequence[str] = (),
     mask: Sequence[str] = (),
     session_layer: str | os.PathLike[str] | None = None,
+    disable_depth_of_field: bool | None = None,
+    disable_motion_blur: bool | None = None,
+    pixel_aspect_ratio: float | None = None,
+    aspect_ratio_conform_policy: str | None = None,
+    data_window_ndc: Sequence[float] | None = None,
+    material_binding_purposes: Sequence[str] | None = None,
 ) -> Scene:
-    """Reads a stage at one time into a Scene, everything in world space.
+    """Read a stage at one time into a Scene, everything in world space.
 
     What is not supported becomes a line of Scene.warnings; pxr's own messages go there too, not to standard error.
     A Usd.Stage is not changed: what has to be written goes into a session layer of our own over the same layers.
@@ -83,38 +86,52 @@ def load_stage(
         variants: selections to make, such as "/World/Car{paint=red}", in order.
         mask: paths of the prims to load, with what they refer to; none for all.
         session_layer: file of a layer that is stronger than the stage.
+        disable_depth_of_field: True makes every camera a pinhole; None does as the RenderSettings say.
+        disable_motion_blur: True closes every shutter at once; None does as the RenderSettings say.
+        pixel_aspect_ratio: width over height of a pixel; None takes the RenderSettings', or 1.
+        aspect_ratio_conform_policy: how the camera's window fits a picture of another aspect, by its UsdRender name,
+            such as "cropAperture"; None takes the RenderSettings', or "expandAperture".
+        data_window_ndc: the part of the picture to render, (xmin, ymin, xmax, ymax), from (0, 0) at the lower left to
+            (1, 1) at the upper right; None takes the RenderSettings', or all of it.
+        material_binding_purposes: purposes of material bindings, such as ("preview", ""): the first that a prim has
+            counts, "" is for all purposes; None takes the RenderSettings', or ("full", "").
 
     Raises:
         StageError: the stage is missing, unreadable or empty, or has no such camera, settings, prim or variant.
-        ConfigError: the width is out of range, or there is no such purpose or complexity.
+        ConfigError: an argument is of a wrong type or out of its range.
     """
-    width = None if width is None else checked_integer("width", width)
-    unknown = ", ".join(sorted(set(purposes or ()) - PURPOSES))
-    if unknown:
-        raise ConfigError(f"unknown purposes {unknown}; there are {', '.join(sorted(PURPOSES))}")
-    if complexity not in COMPLEXITIES:
-        raise ConfigError(f"unknown complexity {complexity}; there are {', '.join(COMPLEXITIES)}")
+    request = Request(
+        camera=camera, time=time, width=width, purposes=purposes, render_settings=render_settings, product=product,
+        complexity=complexity, variants=variants, mask=mask, session_layer=session_layer,
+        disable_depth_of_field=disable_depth_of_field, disable_motion_blur=disable_motion_blur,
+        pixel_aspect_ratio=pixel_aspect_ratio, aspect_ratio_conform_policy=aspect_ratio_conform_policy,
+        data_window_ndc=data_window_ndc, material_binding_purposes=material_binding_purposes,
+    )  # fmt: skip
+    return _load(checked_source(path_or_stage), request)
+
+
+def _load(stage: Any, request: Request) -> Scene:
     warnings = Messages()
     try:
         # What is not finite is looked for and warned about by name; NumPy's own warnings would add nothing.
         with captured_diagnostics() as messages, np.errstate(all="ignore"):
-            stage = path_or_stage
-            if not isinstance(stage, Usd.Stage) or variants or mask or session_layer or has_skeletons(stage):
-                stage = open_stage(stage, variants, mask, session_layer)
+            changed = request.variants or request.mask or request.session_layer
+            if not isinstance(stage, Usd.Stage) or changed or has_skeletons(stage):
+                stage = open_stage(stage, request.variants, request.mask, request.session_layer)
             reading = Reading(
                 stage=stage,
-                time=Usd.TimeCode(stage.GetStartTimeCode() if time is None else time),
-                purposes=frozenset({"default", *(("render",) if purposes is None else purposes)}),
-                levels=COMPLEXITIES[complexity],
+                time=Usd.TimeCode(stage.GetStartTimeCode() if request.time is None else float(request.time)),
+                purposes=frozenset({"default", "render"}),
+                levels=request.levels,
                 warnings=warnings,
             )
             composition_warnings(reading)
             if has_skeletons(stage):
                 bake_skinning(reading)
-            settings = read_settings(reading, render_settings, product)
-            if purposes is None and settings.purposes is not None:
+            settings = request.over(read_settings(reading, request.render_settings, request.product))
+            if settings.purposes is not None:
                 reading = replace(reading, purposes=frozenset({"default", *settings.purposes}))
-            scene = _read_scene(reading, settings, camera, width)
+            scene = _read_scene(reading, settings, request.camera, request.width)
     except StageError as error:
         add_diagnostics(messages, warnings)
         raise error.explained_by(tuple(warnings)) from None
