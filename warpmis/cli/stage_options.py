@@ -22,7 +22,7 @@ COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 def add_stage_options(parser: argparse.ArgumentParser) -> Any:
     """What to read of the stage, and the group, for those who have more to ask."""
     group = parser.add_argument_group("what to render (as in usdrecord)")
-    group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim: its path, or its name if that is unique")
+    group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim by path or unique name, or frame-all")
     group.add_argument(
         "--image-width",
         "--imageWidth",

@@ -14,8 +14,9 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
-from warpmis.usd.camera import light_boxes, read_camera
+from warpmis.usd.camera import read_camera
 from warpmis.usd.extent import StageExtent
+from warpmis.usd.framing import light_boxes
 from warpmis.usd.instances import Placement, placements
 from warpmis.usd.lights.light import EmissiveSurface, is_light, read_light
 from warpmis.usd.lights.light_linking import linked_lights, linked_prims
@@ -42,6 +43,7 @@ from warpmis.usd.shapes.primitives import is_primitive, read_primitive
 from warpmis.usd.shapes.skinning import bake_skinning, has_skeletons
 from warpmis.usd.shapes.surfaces import Shading, Surface
 from warpmis.usd.unread import warn_unread
+from warpmis.usd.view import find_view
 
 PORTAL_NOTE = "portals are hints for sampling and change no picture; they are not used"
 
@@ -72,8 +74,9 @@ def load_stage(
     A Usd.Stage is not changed: what has to be written goes into a session layer of our own over the same layers.
 
     Args:
-        camera: path or name of the camera; None takes the RenderSettings', else `main_cam`, else the stage's first,
-            else one that frames the geometry.
+        camera: path or name of the camera, or "frame-all" for one that frames the geometry; None takes the
+            RenderSettings', else `main_cam`, else the stage's first, else the view that Omniverse Kit saved, else one
+            that frames the geometry.
         time: time code; None is the stage's startTimeCode, 0 where it is not authored, as in usdrecord.
         width: image width [pixel], the height following from the camera's aperture; None takes the RenderSettings'
             resolution, or 960.
@@ -142,6 +145,7 @@ def _load(stage: Any, request: Request) -> Scene:
 def _read_scene(reading: Reading, settings: Settings, camera: str | None, width: int | None) -> Scene:
     placed = list(placements(reading))
     reading = replace(reading, extent=StageExtent(placed, reading.time))
+    view = find_view(reading, settings, camera)
     contents = _read_contents(placed, reading, settings, np.zeros(3))
     origin = scene_origin([*contents.boxes, *light_boxes(contents.lights)])
     if origin.any():
@@ -157,7 +161,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.note("the stage has no light: a dome of radiance 1 is used")
-    found, resolution = read_camera(reading, settings, camera, width, geometry, prototypes, contents.lights, origin)
+    found, resolution = read_camera(reading, settings, view, width, geometry, prototypes, contents.lights, origin)
     return Scene(
         name=name,
         camera=found,
