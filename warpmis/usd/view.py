@@ -40,8 +40,10 @@ class View:
 
 
 def find_view(reading: Reading, settings: Settings, asked: str | None) -> View | None:
-    """The camera asked for (None for FRAME_ALL), else the RenderSettings', else the one of USD's primary camera name, else the one that Kit
-    was looking through, else the first of the stage, else Kit's own view; None without any.
+    """Where to look from; None for a camera that frames the geometry: FRAME_ALL was asked for, or there is no other.
+
+    The camera asked for, else the RenderSettings', else the one of USD's primary camera name, else the one that Kit
+    was looking through, else the first of the stage, else Kit's own view.
 
     Raises:
         StageError: the camera asked for is not there, or the one found has no valid lens or transform.
