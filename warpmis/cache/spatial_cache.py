@@ -1,0 +1,119 @@
+"""The cache between two rounds: records in, cells with guides, shares and worths out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpmis.cache.cells import CellTree, IntArray
+from warpmis.cache.directions import guide_densities, pyramid
+from warpmis.cache.moments import DECAY, FIRST_SHARE, CellMoments, updated_shares, worths
+from warpmis.device.views import GUIDE_BINS, CacheView, CellNodeView, CellView
+from warpmis.kernels.cache.lookup import make_locate
+
+FloatArray = NDArray[np.float64]
+Launch = Callable[[wp.Kernel, int, list[Any]], None]
+
+BINS = GUIDE_BINS * GUIDE_BINS
+# The tree is refined by about this many records; the sums are of all.
+TREE_RECORDS = 200_000
+
+
+class SpatialCache:
+    """What has been learned about the light in a scene, in cells of position and normal.
+
+    All sums are made in a fixed order: the same records give the same bits, for any number of threads.
+    """
+
+    def __init__(self, extent: float, device: str) -> None:
+        """extent: the longest side of the scene's box [scene units]."""
+        self.device = device
+        self.tree = CellTree(extent)
+        self.rounds = 0
+        self.shares: FloatArray = np.ones(1)
+        self.tail_worth: FloatArray = np.ones(1)
+        self.light_worth: FloatArray = np.ones(1)
+        self.moments = CellMoments.zeros(1)
+        self.histogram: FloatArray = np.zeros((1, BINS))  # sums of L^2 x jacobian
+        self.densities: FloatArray = np.ones((1, BINS))
+
+    @property
+    def cells(self) -> int:
+        return self.tree.cells
+
+    def learn(self, records: wp.array, launch: Launch) -> None:
+        """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths."""
+        table = records.numpy()
+        used = table["used"] != 0
+        if not used.any():
+            return
+        self._refine(table[used])
+        cells, bins = self._locate(records, launch)
+        table, cells, bins = table[used], cells[used], bins[used]
+        latest = self._sums(table, cells)
+        self.moments = self.moments.plus(latest)
+        squares = (table["radiance"].astype(np.float64) ** 2) * table["jacobian"]
+        self.histogram += np.bincount(bins, squares, self.cells * BINS).reshape(-1, BINS)
+        self.rounds += 1
+        if self.rounds == 1:
+            self.shares = np.full(self.cells, FIRST_SHARE)  # the round had no guide to compare with
+        else:
+            self.shares = updated_shares(self.shares, latest, self.moments)
+        self.densities = guide_densities(self.histogram, self.shares)
+        self.tail_worth, self.light_worth = worths(self.moments)
+
+    def _refine(self, table: NDArray[Any]) -> None:
+        step = max(1, len(table) // TREE_RECORDS)
+        places = np.concatenate([table["x"][::step], table["n"][::step]], axis=1).astype(np.float64)
+        refined = self.tree.refine(places, self.tree.find(places), stands_for=step)
+        # A part of a cell inherits its part of the sums.
+        factor = DECAY * 0.5**refined.halvings
+        self.moments = self.moments.inherited(refined.parent, factor)
+        self.histogram = self.histogram[refined.parent] * factor[:, np.newaxis]
+        self.shares = self.shares[refined.parent]
+
+    def _locate(self, records: wp.array, launch: Launch) -> tuple[IntArray, IntArray]:
+        cells, bins = (wp.zeros(len(records), dtype=int, device=self.device) for _ in range(2))
+        launch(make_locate(), len(records), [records, self.nodes(), cells, bins])
+        return cells.numpy().astype(np.int64), bins.numpy().astype(np.int64)
+
+    def _sums(self, table: NDArray[Any], cells: IntArray) -> CellMoments:
+        shares = self.shares[cells]
+        tail, ratio = table["tail"].astype(np.float64), table["bsdf_ratio"].astype(np.float64)
+        # The densities of the mixture add up to it: a q_B + (1 - a) q_G = 1.
+        guide_ratio = np.maximum((1.0 - shares * ratio) / np.maximum(1.0 - shares, 1e-9), 0.0) * (shares < 1.0)
+
+        def add(values: Any = None) -> FloatArray:
+            return np.bincount(cells, values, self.cells).astype(np.float64)
+
+        return CellMoments(
+            count=add(),
+            by_bsdf=add(tail * ratio),
+            by_guide=add(tail * guide_ratio),
+            tail=add(tail),
+            light=add(table["light"]),
+            cost=add(table["cost"]),
+        )
+
+    def nodes(self) -> wp.array:
+        """The tree over the cells, for kernels."""
+        table = np.zeros(len(self.tree.axis), CellNodeView.numpy_dtype())
+        table["axis"], table["child"], table["split"] = self.tree.axis, self.tree.child, self.tree.split
+        return wp.array(table, dtype=CellNodeView, device=self.device)
+
+    def view(self, pixel_worth: NDArray[np.float32], strength: float) -> CacheView:
+        """All that kernels read; pixel_worth: 1 / expected luminance of each pixel, shape (pixels,)."""
+        cells = np.zeros(self.cells, CellView.numpy_dtype())
+        cells["bsdf_share"], cells["tail_worth"] = self.shares, self.tail_worth
+        cells["shadow_ray_worth"] = self.light_worth
+        view = CacheView()
+        view.nodes = self.nodes()
+        view.cells = wp.array(cells, dtype=CellView, device=self.device)
+        view.densities = wp.array(pyramid(self.densities).ravel(), dtype=wp.float32, device=self.device)
+        view.pixel_worth = wp.array(pixel_worth, dtype=wp.float32, device=self.device)
+        view.strength = strength
+        return view

@@ -1,0 +1,50 @@
+"""Which cell of the cache a vertex lies in."""
+
+from functools import cache
+
+import warp as wp
+
+from warpmis.device.views import GUIDE_BINS, CellNodeView, VertexRecord
+from warpmis.kernels.cache.guide import bin_of
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def cell_of(nodes: wp.array(dtype=CellNodeView), x: wp.vec3, n: wp.vec3) -> int:
+    """The cell of a position and a shading normal."""
+    node = nodes[0]
+    while node.axis >= 0:
+        along = float(0.0)
+        if node.axis < 3:
+            along = x[node.axis]
+        else:
+            along = n[node.axis - 3]
+        child = node.child
+        if along > node.split:
+            child += 1
+        node = nodes[child]
+    return node.child
+
+
+@cache
+def make_locate() -> wp.Kernel:
+    """The kernel that finds the cell and the bin of each record, -1 for those that hold no vertex."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def locate(
+        first: int,
+        records: wp.array(dtype=VertexRecord),
+        nodes: wp.array(dtype=CellNodeView),
+        cells: wp.array(dtype=int),
+        bins: wp.array(dtype=int),
+    ):
+        index = first + wp.tid()
+        record = records[index]
+        cells[index] = -1
+        if record.used != 0:
+            cell = cell_of(nodes, record.x, record.n)
+            cells[index] = cell
+            bins[index] = cell * wp.static(GUIDE_BINS * GUIDE_BINS) + bin_of(record.u, record.v)
+
+    return locate
