@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpmis.cache.cells import CellTree, IntArray
 from warpmis.cache.directions import guide_densities, pyramid
 from warpmis.cache.moments import DECAY, FIRST_SHARE, CellMoments, updated_shares, worths
-from warpmis.device.views import GUIDE_BINS, CacheView, CellNodeView, CellView
+from warpmis.device.views import GUIDE_BINS, CacheView, CellNodeView, CellView, VertexRecord
 from warpmis.kernels.cache.lookup import make_locate
 
 FloatArray = NDArray[np.float64]
@@ -48,7 +48,8 @@ class SpatialCache:
     def learn(self, records: wp.array, launch: Launch) -> None:
         """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths."""
         table = records.numpy()
-        used = table["used"] != 0
+        # A record that left float32's range says nothing.
+        used = (table["used"] != 0) & np.isfinite(table["tail"]) & np.isfinite(table["light"] + table["jacobian"])
         if not used.any():
             return
         self._refine(table[used])
@@ -105,8 +106,8 @@ class SpatialCache:
         table["axis"], table["child"], table["split"] = self.tree.axis, self.tree.child, self.tree.split
         return wp.array(table, dtype=CellNodeView, device=self.device)
 
-    def view(self, pixel_worth: NDArray[np.float32], strength: float) -> CacheView:
-        """All that kernels read; pixel_worth: 1 / expected luminance of each pixel, shape (pixels,)."""
+    def view(self, pixel_worth: NDArray[np.float32]) -> CacheView:
+        """What kernels read; pixel_worth: what radiance is worth in each pixel [1 / radiance], shape (pixels,)."""
         cells = np.zeros(self.cells, CellView.numpy_dtype())
         cells["bsdf_share"], cells["tail_worth"] = self.shares, self.tail_worth
         cells["shadow_ray_worth"] = self.light_worth
@@ -115,5 +116,5 @@ class SpatialCache:
         view.cells = wp.array(cells, dtype=CellView, device=self.device)
         view.densities = wp.array(pyramid(self.densities).ravel(), dtype=wp.float32, device=self.device)
         view.pixel_worth = wp.array(pixel_worth, dtype=wp.float32, device=self.device)
-        view.strength = strength
+        view.records = wp.empty(0, dtype=VertexRecord, device=self.device)
         return view

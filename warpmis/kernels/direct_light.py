@@ -28,10 +28,25 @@ class DirectLight:
     bsdf_share: float
 
 
+@wp.struct
+class ScatteredLight:
+    """Light towards which a vertex has drawn, unoccluded.
+
+    radiance: f cos L; pdf: the density with which the lights' sampler draws wi [1/sr]; pdf_bsdf: the BSDF's.
+    """
+
+    wi: wp.vec3
+    distance: float
+    pdf: float
+    pdf_bsdf: float
+    radiance: wp.vec3
+
+
 def make_direct_light(
     features: Features, surface: SimpleNamespace, lights: SimpleNamespace, intersect: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions for one set of effects: from_delta_light, from_light_sample."""
+    """Functions for one set of effects: from_delta_light; light_sample and shadowed, and both in one as
+    from_light_sample."""
     sample_delta_light = make_delta_light(features, lights.control)
 
     @wp.func
@@ -52,25 +67,47 @@ def make_direct_light(
         return direct
 
     @wp.func
-    def from_light_sample(scene: SceneView, r: wp.ref[Receiver], vertex: wp.ref[Vertex]) -> DirectLight:
-        """Next-event estimation: one light sample, weighted against the BSDF's density."""
-        direct = DirectLight()
+    def light_sample(scene: SceneView, r: wp.ref[Receiver], vertex: wp.ref[Vertex]) -> ScatteredLight:
+        """A light sample before it is known whether anything stands in its way; pdf 0 where there is none."""
+        scattered = ScatteredLight()
         towards = lights.sample(scene, r, vertex.u_light)
         if towards.pdf_solid_angle <= 0.0 or wp.dot(towards.wi, vertex.ng) <= 0.0:
-            return direct
+            return scattered
         scattering = surface.evaluate(vertex.surface, to_local(vertex.frame, towards.wi))
         if luminance(scattering.f_cos) <= 0.0:
-            return direct
-        direct.bsdf_share = balance_weight(scattering.pdf_solid_angle, towards.pdf_solid_angle)
+            return scattered
         if wp.static(features.controlled):
             towards.radiance = wp.cw_mul(towards.radiance, lights.control.factor(scene, r.chosen, r, towards.wi))
             if wp.static(features.light_response):
                 response = lights.control.response(scene, r.chosen, scattering.diffuse)
                 towards.radiance = wp.cw_mul(towards.radiance, response)
-        through = intersect.transmittance(scene, r.chosen, r.x, towards.wi, towards.distance * SHADOW_END)
-        weight = balance_weight(towards.pdf_solid_angle, scattering.pdf_solid_angle) / towards.pdf_solid_angle
-        direct.radiance = wp.cw_mul(wp.cw_mul(scattering.f_cos, towards.radiance), through) * weight
-        direct.rays = 1
+        scattered.wi = towards.wi
+        scattered.distance = towards.distance
+        scattered.pdf = towards.pdf_solid_angle
+        scattered.pdf_bsdf = scattering.pdf_solid_angle
+        scattered.radiance = wp.cw_mul(scattering.f_cos, towards.radiance)
+        return scattered
+
+    @wp.func
+    def shadowed(scene: SceneView, r: wp.ref[Receiver], light: wp.ref[ScatteredLight]) -> wp.vec3:
+        """f cos L of a light sample by its shadow ray."""
+        through = intersect.transmittance(scene, r.chosen, r.x, light.wi, light.distance * SHADOW_END)
+        return wp.cw_mul(light.radiance, through)
+
+    @wp.func
+    def from_light_sample(scene: SceneView, r: wp.ref[Receiver], vertex: wp.ref[Vertex]) -> DirectLight:
+        """Next-event estimation: one light sample, weighted against the BSDF's density."""
+        direct = DirectLight()
+        light = light_sample(scene, r, vertex)
+        if light.pdf > 0.0:
+            direct.bsdf_share = balance_weight(light.pdf_bsdf, light.pdf)
+            direct.radiance = shadowed(scene, r, light) * (balance_weight(light.pdf, light.pdf_bsdf) / light.pdf)
+            direct.rays = 1
         return direct
 
-    return SimpleNamespace(from_delta_light=from_delta_light, from_light_sample=from_light_sample)
+    return SimpleNamespace(
+        from_delta_light=from_delta_light,
+        from_light_sample=from_light_sample,
+        light_sample=light_sample,
+        shadowed=shadowed,
+    )

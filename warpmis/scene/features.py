@@ -36,6 +36,7 @@ class Features:
         indirect: light by way of more than one surface: some surface reflects, and paths are long enough.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
+        cache: what vertices do with the spatial cache: "" nothing, "guide" by it, or "record" what they find as well.
         sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
         tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
     """
@@ -71,6 +72,7 @@ class Features:
     indirect: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
+    cache: str = ""
     sampler: str = "lattice"
     tree: str = "wide"
 
@@ -96,6 +98,9 @@ class Features:
 
     def with_sampler(self, sampler: str = "lattice") -> Features:
         return replace(self, sampler=sampler)
+
+    def with_cache(self, cache: str) -> Features:
+        return replace(self, cache=cache)
 
     def with_tree(self, tree: str) -> Features:
         return replace(self, tree=tree)

@@ -2,11 +2,14 @@
 
 from types import SimpleNamespace
 
+from warpmis.kernels.path.guided import make_guided, make_guided_estimate
 from warpmis.kernels.path.mixture import make_densities, make_estimate, make_mixture
 from warpmis.kernels.path.next_event import NoEstimate, make_next_event
 from warpmis.kernels.path.pairs import make_pairs
 from warpmis.kernels.path.record import NoRecord, Record, make_record, no_record
 from warpmis.kernels.path.state import make_state
+from warpmis.kernels.path.throughput import make_roulette
+from warpmis.kernels.path.vertex_records import make_vertex_records
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene.features import Features
 
@@ -16,10 +19,15 @@ def make_estimator(
 ) -> SimpleNamespace:
     """The estimator's functions (next_event.py), its `record` of a path, the type PathState, and `strategies`.
 
-    Next-event estimation without strategies; with them their mixture, or pairs where that is what learning asks for.
+    By the spatial cache where there is one; else next-event estimation without strategies, and with them their mixture, or pairs where that is what learning asks for.
     """
     strategies = make_strategies(features, surface, lights)
-    if not features.strategies:
+    if features.cache:
+        PathState = make_state(make_guided_estimate(), NoRecord)
+        record = make_vertex_records(features, PathState)
+        estimator = make_guided(PathState, strategies.vec_s, surface, direct_light, record)
+        estimator.record = record
+    elif not features.strategies:
         PathState = make_state(NoEstimate, NoRecord)
         estimator = make_next_event(PathState, strategies.vec_s, surface, direct_light)
         estimator.record = no_record(PathState)
@@ -34,6 +42,8 @@ def make_estimator(
             # Of paths that end behind the mixture's vertex none comes to a vertex without one.
             estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
         estimator.record = record
+    if not features.cache:
+        estimator.survives = make_roulette(features, PathState, estimator.record).survives
     estimator.PathState = PathState
     estimator.strategies = strategies
     return estimator

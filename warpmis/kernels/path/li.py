@@ -57,14 +57,14 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     has_events = features.smooth or features.opacity
 
     @wp.func
-    def camera_path(ray: CameraRay, allocation: vec_s, u_choice: float) -> PathState:
+    def camera_path(scene: SceneView, ray: CameraRay, key: rng.RngKey, allocation: vec_s, u_choice: float) -> PathState:
         """A path that has not met anything."""
         path = PathState()
         path.beta = wp.vec3(1.0, 1.0, 1.0)
         path.origin = ray.origin
         path.wi = ray.direction
         path.receiver.x = ray.origin
-        estimator.begin(path, allocation, u_choice)
+        estimator.begin(scene, path, key, allocation, u_choice)
         return path
 
     @wp.func
@@ -76,7 +76,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
         allocation: shares of the strategies, where there are any; u_choice: in [0, 1), makes the choices at the first
         vertex that is no mirror: of the strategy, then of a light and a lobe, then where the direction goes.
         """
-        path = camera_path(ray, allocation, u_choice)
+        path = camera_path(scene, ray, key, allocation, u_choice)
         for step in range(max_depth + 1 + MAX_PASSED):
             # Follow the ray to a surface; surfaces beyond the camera's clipping planes are not in view.
             hit = intersect.closest_hit(scene, path.origin, path.wi)
@@ -89,7 +89,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
                 distance += path.passed
 
             # Find the lights on the way there, with which the density of the ray's direction is known at last.
-            on_ray = lights.gather(scene, path.receiver, path.wi, path.passed, distance, path.pdf_bsdf)
+            on_ray = lights.gather(scene, path.receiver, path.wi, path.passed, distance, path.pdf)
             if not estimator.weigh_ray(scene, path, on_ray):
                 break
 
@@ -139,9 +139,9 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             path.has_scattered = True
 
             # Go on with the throughput in that direction, unless Russian roulette ends the path.
-            if not throughput.update(path, vertex, key, step):
+            if not throughput.update(scene, path, vertex, key, step):
                 break
-        record.end(path)
+        record.end(scene, path)
         return path
 
     return SimpleNamespace(Li=Li, PathState=PathState, strategies=estimator.strategies)

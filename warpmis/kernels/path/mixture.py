@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
+from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.path.state import Vertex
@@ -77,7 +78,7 @@ def make_mixture(
     vec_s = strategies.vec_s
 
     @wp.func
-    def begin(path: wp.ref[PathState], allocation: vec_s, u_choice: float):
+    def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
         path.estimate.allocation = allocation
         path.estimate.strategy = strategies.choose(allocation, u_choice)
         path.u_choice = u_choice

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
+from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.direct_light import DirectLight
 from warpmis.kernels.light.on_ray import LightsOnRay
@@ -31,7 +32,7 @@ def make_next_event(
     """The estimator: begin, scatter, keep_densities, weigh_ray."""
 
     @wp.func
-    def begin(path: wp.ref[PathState], allocation: vec_s, u_choice: float):
+    def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
         """Before the camera ray: u_choice will choose at the first vertex that is no mirror."""
         path.u_choice = u_choice
         path.u_remapped = u_choice

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warpmis.device.views import SceneView
 from warpmis.kernels.direct_light import DirectLight
 
 wp.set_module_options({"enable_backward": False})
@@ -65,7 +66,7 @@ def no_record(PathState: type) -> SimpleNamespace:
         pass
 
     @wp.func
-    def end(path: wp.ref[PathState]):
+    def end(scene: SceneView, path: wp.ref[PathState]):
         pass
 
     return SimpleNamespace(begin=begin, emission=emission, roulette=roulette, end=end)
@@ -106,7 +107,7 @@ def make_record(PathState: type) -> SimpleNamespace:
         path.record.survival = path.record.survival * survival
 
     @wp.func
-    def end(path: wp.ref[PathState]):
+    def end(scene: SceneView, path: wp.ref[PathState]):
         if path.has_scattered:
             path.record.F = path.L
             path.L = path.record.L_before + path.L

@@ -41,7 +41,8 @@ class Vertex:
 
     ng: geometric normal on the side from which the path comes; frame: of the shading normal; surface: the BSDF for the
     direction from which the path comes; u_light, u_bsdf, u_delta: random numbers in [0, 1) for a light sample, for a
-    direction from the BSDF, and for the choice of a delta light.
+    direction from the BSDF, and for the choice of a delta light; u_cache: for the choice between BSDF and guide, the
+    shadow ray and the roulette.
     """
 
     ng: wp.vec3
@@ -50,6 +51,7 @@ class Vertex:
     u_light: wp.vec4
     u_bsdf: wp.vec4
     u_delta: float
+    u_cache: wp.vec3
 
 
 def make_state(Estimate: type, Record: type) -> type:
@@ -63,7 +65,8 @@ def make_state(Estimate: type, Record: type) -> type:
         L: radiance found so far; beta: throughput, the product of f cos / pdf of its vertices.
         origin, wi: the present ray; passed: distance from the last vertex to `origin`, not 0 where the ray has passed
         through a surface.
-        receiver: the last vertex, as its lights know it; pdf_bsdf: the BSDF's density of wi there [1/sr].
+        receiver: the last vertex, as its lights know it; pdf: the density of wi there, against which light samples are
+        weighed [1/sr].
         weighs_emission: a light sample of the last vertex could have found what the ray meets, so the emission that it
         meets has a weight below 1. Not so after the camera or a mirror.
         bounces: vertices so far, mirrors among them; has_scattered: whether one of them was no mirror.
@@ -77,7 +80,7 @@ def make_state(Estimate: type, Record: type) -> type:
         wi: wp.vec3
         passed: float
         receiver: Receiver
-        pdf_bsdf: float
+        pdf: float
         weighs_emission: bool
         bounces: int
         has_scattered: bool

@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warpmis.device.views import SceneView
 from warpmis.kernels import rng, roulette
+from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance, to_local
 from warpmis.scene.features import Features
@@ -12,27 +14,41 @@ from warpmis.scene.features import Features
 wp.set_module_options({"enable_backward": False})
 
 
+def make_roulette(features: Features, PathState: type, record: SimpleNamespace) -> SimpleNamespace:
+    """The function survives: Russian roulette by throughput, for paths that know nothing of the light to come."""
+
+    @wp.func
+    def survives(
+        scene: SceneView,
+        path: wp.ref[PathState],
+        vertex: wp.ref[Vertex],
+        scattering: wp.ref[Scattering],
+        key: rng.RngKey,
+        step: int,
+    ) -> bool:
+        """Whether the path goes on, its throughput divided by the probability of that (kernels/roulette.py)."""
+        if wp.static(features.indirect):
+            if path.bounces >= roulette.DEPTH:
+                survival = roulette.survival(wp.max(path.beta))
+                record.roulette(path, survival)
+                path.beta = path.beta / survival
+                return rng.uniform4_of_step(key, step, rng.EVENT)[2] < survival
+        return True
+
+    return SimpleNamespace(survives=survives)
+
+
 def make_throughput(features: Features, surface: SimpleNamespace, estimator: SimpleNamespace) -> SimpleNamespace:
-    """Functions: survives_roulette, update."""
+    """The function update."""
     PathState = estimator.PathState
 
     @wp.func
-    def survives_roulette(path: wp.ref[PathState], key: rng.RngKey, step: int) -> bool:
-        """Whether the path goes on, its throughput divided by the probability of that (kernels/roulette.py)."""
-        if path.bounces < roulette.DEPTH:
-            return True
-        survival = roulette.survival(wp.max(path.beta))
-        estimator.record.roulette(path, survival)
-        path.beta = path.beta / survival
-        return rng.uniform4_of_step(key, step, rng.EVENT)[2] < survival
-
-    @wp.func
-    def update(path: wp.ref[PathState], vertex: wp.ref[Vertex], key: rng.RngKey, step: int) -> bool:
+    def update(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], key: rng.RngKey, step: int) -> bool:
         """Multiply by f cos / pdf of the direction that was drawn; False where the path ends."""
         if wp.dot(path.wi, vertex.ng) <= 0.0:
             return False
         scattering = surface.evaluate(vertex.surface, to_local(vertex.frame, path.wi))
-        path.pdf_bsdf = scattering.pdf_solid_angle
+        path.pdf = scattering.pdf_solid_angle
         if wp.static(features.light_response):
             path.receiver.diffuse = scattering.diffuse
         estimator.keep_densities(path, vertex, scattering)
@@ -40,11 +56,9 @@ def make_throughput(features: Features, surface: SimpleNamespace, estimator: Sim
         if luminance(path.beta) <= 0.0:
             return False
         # A direction of the mixture is divided by its density when the ray has met its lights: Estimator.weigh_ray.
-        survives = bool(True)
         if path.weighs_emission:
-            path.beta = path.beta / path.pdf_bsdf
-            if wp.static(features.indirect):
-                survives = survives_roulette(path, key, step)
-        return survives
+            path.beta = path.beta / path.pdf
+            return estimator.survives(scene, path, vertex, scattering, key, step)
+        return True
 
-    return SimpleNamespace(survives_roulette=survives_roulette, update=update)
+    return SimpleNamespace(update=update)

@@ -34,10 +34,14 @@ def make_vertex(
         vertex.u_bsdf = sampler.of_step(key, step, rng.SCATTER)
         if wp.static(features.delta_light):
             vertex.u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)[0]
+        if wp.static(features.cache != ""):
+            u_rates = rng.uniform4_of_step(key, step, rng.EVENT)
+            vertex.u_cache = wp.vec3(rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)[1], u_rates[3], u_rates[1])
         if not path.has_scattered:
             vertex.u_light[0] = path.u_remapped
             vertex.u_bsdf[0] = path.u_remapped
             vertex.u_delta = path.u_choice
+            vertex.u_cache[0] = path.u_choice
         return vertex
 
     @wp.func
