@@ -163,6 +163,8 @@ class RenderConfig:
             raise ConfigError(f"unknown strategy choice '{self.strategy_choice}'; choose one of {choices}")
         if self.sampler not in SAMPLERS:
             raise ConfigError(f"unknown sampler '{self.sampler}'; choose one of {', '.join(SAMPLERS)}")
+        if self.how.cache and self.stops:
+            raise ConfigError(f"method '{self.method}' cannot tell its error yet: set spp, or take method 'auto'")
         if self.how.learns:
             self._check_learning()
         elif self.learn != LearnConfig():

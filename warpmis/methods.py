@@ -29,6 +29,7 @@ class Method:
         max_rounds: most learn rounds that the budget may be divided into.
         learn_stride: one pixel of each cell of so many by so many takes the learning samples, and all of the cell the
             shares that it finds.
+        cache: a spatial cache guides the paths at every vertex, where a pilot finds that it pays.
     """
 
     summary: str
@@ -45,6 +46,7 @@ class Method:
     learn_share: float = 0.5
     max_rounds: int = 8
     learn_stride: int = 1
+    cache: bool = False
 
     @property
     def learns(self) -> bool:
@@ -107,6 +109,9 @@ METHODS: dict[str, Method] = {
         cost_aware=True,
         learn_share=0.125,
         max_rounds=4,
+    ),
+    "guided": Method(
+        summary="a spatial cache learns directions, shares, roulette and shadow rays at every vertex", cache=True
     ),
     "auto": Method(
         summary="the best of nine shares and nee by variance x cost, pooled",

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.device.views import GUIDE_BINS, GUIDE_LEVELS
+from warpmis.device.cache_views import GUIDE_BINS, GUIDE_LEVELS
 
 FloatArray = NDArray[np.float64]
 
@@ -44,9 +44,7 @@ def normalised(values: FloatArray) -> FloatArray:
 
 def blurred(values: FloatArray) -> FloatArray:
     """Each bin mixed with its neighbours in the square, edges repeated, shape (cells, bins)."""
-    square = np.empty((len(values), GUIDE_BINS * GUIDE_BINS))
-    square[:] = values[:, MORTON]
-    square = square.reshape(-1, GUIDE_BINS, GUIDE_BINS)
+    square: FloatArray = values[:, MORTON].reshape(-1, GUIDE_BINS, GUIDE_BINS)
     for axis in (1, 2):
         first, last = square.take([0], axis=axis), square.take([-1], axis=axis)
         before = np.concatenate([first, square], axis=axis).take(range(GUIDE_BINS), axis=axis)

@@ -9,10 +9,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpmis.cache.cell_moments import DECAY, FIRST_SHARE, CellMoments, updated_shares, worths
 from warpmis.cache.cells import CellTree, IntArray
 from warpmis.cache.directions import guide_densities, pyramid
-from warpmis.cache.moments import DECAY, FIRST_SHARE, CellMoments, updated_shares, worths
-from warpmis.device.views import GUIDE_BINS, CacheView, CellNodeView, CellView, VertexRecord
+from warpmis.device.cache_views import GUIDE_BINS, CacheView, CellNodeView, CellView, VertexRecord
+from warpmis.device.struct_arrays import records
 from warpmis.kernels.cache.lookup import make_locate
 
 FloatArray = NDArray[np.float64]
@@ -45,15 +46,15 @@ class SpatialCache:
     def cells(self) -> int:
         return self.tree.cells
 
-    def learn(self, records: wp.array, launch: Launch) -> None:
+    def learn(self, vertices: wp.array, launch: Launch) -> None:
         """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths."""
-        table = records.numpy()
+        table = vertices.numpy()
         # A record that left float32's range says nothing.
         used = (table["used"] != 0) & np.isfinite(table["tail"]) & np.isfinite(table["light"] + table["jacobian"])
         if not used.any():
             return
         self._refine(table[used])
-        cells, bins = self._locate(records, launch)
+        cells, bins = self._locate(vertices, launch)
         table, cells, bins = table[used], cells[used], bins[used]
         latest = self._sums(table, cells)
         self.moments = self.moments.plus(latest)
@@ -72,14 +73,14 @@ class SpatialCache:
         places = np.concatenate([table["x"][::step], table["n"][::step]], axis=1).astype(np.float64)
         refined = self.tree.refine(places, self.tree.find(places), stands_for=step)
         # A part of a cell inherits its part of the sums.
-        factor = DECAY * 0.5**refined.halvings
+        factor: FloatArray = DECAY * 0.5 ** refined.halvings.astype(np.float64)
         self.moments = self.moments.inherited(refined.parent, factor)
         self.histogram = self.histogram[refined.parent] * factor[:, np.newaxis]
         self.shares = self.shares[refined.parent]
 
-    def _locate(self, records: wp.array, launch: Launch) -> tuple[IntArray, IntArray]:
-        cells, bins = (wp.zeros(len(records), dtype=int, device=self.device) for _ in range(2))
-        launch(make_locate(), len(records), [records, self.nodes(), cells, bins])
+    def _locate(self, vertices: wp.array, launch: Launch) -> tuple[IntArray, IntArray]:
+        cells, bins = (wp.zeros(len(vertices), dtype=int, device=self.device) for _ in range(2))
+        launch(make_locate(), len(vertices), [vertices, self.nodes(), cells, bins])
         return cells.numpy().astype(np.int64), bins.numpy().astype(np.int64)
 
     def _sums(self, table: NDArray[Any], cells: IntArray) -> CellMoments:
@@ -102,18 +103,17 @@ class SpatialCache:
 
     def nodes(self) -> wp.array:
         """The tree over the cells, for kernels."""
-        table = np.zeros(len(self.tree.axis), CellNodeView.numpy_dtype())
-        table["axis"], table["child"], table["split"] = self.tree.axis, self.tree.child, self.tree.split
-        return wp.array(table, dtype=CellNodeView, device=self.device)
+        columns = {"axis": self.tree.axis, "child": self.tree.child, "split": self.tree.split}
+        with wp.ScopedDevice(self.device):
+            return records(CellNodeView, columns, len(self.tree.axis))
 
     def view(self, pixel_worth: NDArray[np.float32]) -> CacheView:
         """What kernels read; pixel_worth: what radiance is worth in each pixel [1 / radiance], shape (pixels,)."""
-        cells = np.zeros(self.cells, CellView.numpy_dtype())
-        cells["bsdf_share"], cells["tail_worth"] = self.shares, self.tail_worth
-        cells["shadow_ray_worth"] = self.light_worth
+        columns = {"bsdf_share": self.shares, "tail_worth": self.tail_worth, "shadow_ray_worth": self.light_worth}
         view = CacheView()
         view.nodes = self.nodes()
-        view.cells = wp.array(cells, dtype=CellView, device=self.device)
+        with wp.ScopedDevice(self.device):
+            view.cells = records(CellView, columns, self.cells)
         view.densities = wp.array(pyramid(self.densities).ravel(), dtype=wp.float32, device=self.device)
         view.pixel_worth = wp.array(pixel_worth, dtype=wp.float32, device=self.device)
         view.records = wp.empty(0, dtype=VertexRecord, device=self.device)

@@ -39,11 +39,13 @@ from warpmis.scene.geometry import Geometry, bounds, joined
 
 @dataclass(frozen=True, eq=False)
 class DeviceScene:
-    """A scene in a device's memory. `owned` keeps alive what the views point into."""
+    """A scene in a device's memory. `owned` keeps alive what the views point into; extent: the longest side of the box
+    of all triangles [scene units]."""
 
     view: SceneView
     camera: CameraView
     owned: tuple[Any, ...]
+    extent: float
 
 
 def check_device(device: str) -> None:
@@ -74,7 +76,7 @@ def upload(
         if ids:
             upload_ids(view, geometry)
         camera = camera_view(scene.camera, scene.resolution)
-    return DeviceScene(view, camera, (*solids.owned, *lights, varying))
+    return DeviceScene(view, camera, (*solids.owned, *lights, varying), solids.extent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +87,14 @@ class Solids:
         geometry: all of them, in the order in which they are there; in_world: those that stand in world space.
         fields: of a SceneView.
         owned: keeps alive what the fields point into.
+        extent: the longest side of the box of all triangles [scene units].
     """
 
     geometry: Geometry
     in_world: Geometry
     fields: dict[str, Any]
     owned: tuple[Any, ...]
+    extent: float
 
 
 @dataclass(eq=False)
@@ -167,7 +171,7 @@ def upload_solids(scene: Scene, device: str) -> Solids:
         fields[trees.kind] = trees.handles[0]
         instances, owned = upload_instances(scene.prototypes, trees.kind, trees.handles[1:], first[1:-1], extent)
     arrays = [field for field in fields.values() if isinstance(field, wp.array)]
-    return Solids(geometry, parts[0], fields | instances, (*trees.owned, *owned, *arrays))
+    return Solids(geometry, parts[0], fields | instances, (*trees.owned, *owned, *arrays), extent)
 
 
 def ordered(geometry: Geometry) -> Geometry:

@@ -18,8 +18,7 @@ from warpmis.config import RenderConfig
 from warpmis.device.compilation import load_kernels
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes, scene_bytes
-from warpmis.device.trees import tree_kernels
-from warpmis.device.upload import DeviceScene, check_device
+from warpmis.device.upload import DeviceScene
 from warpmis.device.views import FilmView, RoundView, vec_lattice
 from warpmis.errors import ConfigError
 from warpmis.film.film import Film, spread_out
@@ -28,7 +27,7 @@ from warpmis.kernels.identify import make_identify
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
-from warpmis.learn.schedule import Round
+from warpmis.learn.schedule import Round, schedule
 from warpmis.rendering.generating_vector import lattice_length, lattice_steps
 from warpmis.scene.features import Features
 
@@ -86,17 +85,6 @@ def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) 
 def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
     """The kernel that tells ids, where they are asked for: one for all methods and samplers."""
     return [make_identify(features.with_strategies(()).with_sampler())] if config.ids else []
-
-
-def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
-    """All that a run would launch, whatever the size of its picture.
-
-    Raises:
-        ConfigError: the machine lacks the device.
-    """
-    check_device(config.device)
-    kernels = [*learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
-    return [*trace_kernels(features), *kernels, *tree_kernels(config.device)]
 
 
 def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
@@ -296,10 +284,14 @@ class Integrator:
         self._run(launch, self._stretches(self.pixels, GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
         return found.numpy().reshape(self.height, self.width, 3).copy()
 
-    def solve(self, following: Round | None) -> None:
-        """One step of the method's solver from the moments of the rounds so far, and shares for the round to come."""
+    def rounds(self) -> Iterator[Round]:
+        """Those of the render; each is traced before the next one is asked for."""
+        yield from schedule(self.config)
+
+    def solve(self, part: Round) -> None:
+        """One step of the method's solver from the moments of the rounds up to this one, for the round to come."""
         self.learner.step(self.learned, self.learn_film, self._launch_solver)
-        samples = lattice_length(following.samples) if following else 0
+        samples = lattice_length(part.following) if part.following else 0
         self.learner.round_to_samples(self.learned, samples, self._launch_solver)
         if self.stride > 1:
             shares = self._learned_map()

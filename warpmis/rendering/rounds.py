@@ -6,12 +6,13 @@ from warpmis.config import RenderConfig
 from warpmis.device.compilation import load_kernels
 from warpmis.device.upload import Uploads, upload
 from warpmis.errors import Interrupted
-from warpmis.learn.schedule import Round, schedule
-from warpmis.rendering.integrator import Integrator, allocation_of, kernels_of
+from warpmis.learn.schedule import Round
+from warpmis.rendering.guided import GuidedIntegrator
+from warpmis.rendering.integrator import Integrator, allocation_of
 from warpmis.rendering.reporter import Reporter
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.run import Run
-from warpmis.rendering.specialise import features_of
+from warpmis.rendering.specialise import features_of, kernels_of
 from warpmis.rendering.stopping import Watch
 from warpmis.scene import Scene
 from warpmis.scene.features import Features
@@ -56,7 +57,8 @@ def begin(
     compilation = load_kernels(kernels_of(features, config), config.device, announce)
     reporter.phase("load")
     device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
-    integrator = Integrator(device_scene, features, config, allocation_of(config, *scene.resolution))
+    kind = GuidedIntegrator if config.how.cache else Integrator
+    integrator = kind(device_scene, features, config, allocation_of(config, *scene.resolution))
     reporter.total = config.spp * integrator.pixels
     if config.stops:
         reporter.watch = Watch(config, scene.resolution, reporter.tracing_seconds)
@@ -66,15 +68,13 @@ def begin(
 def trace_rounds(run: Run) -> None:
     """Trace every round, or as many as the stopping rule wants. An allocation depends on earlier rounds alone."""
     integrator, reporter = run.integrator, run.reporter
-    rounds = schedule(run.config)
-    learn_rounds = sum(part.learn for part in rounds)
-    for number, part in enumerate(rounds, start=1):
-        reporter.phase("learn" if part.learn else "render", f"round {number}/{learn_rounds}" if part.learn else "")
+    for part in integrator.rounds():
+        reporter.phase("learn" if part.learn else "render", part.label)
         trace(part, integrator, reporter)
         if reporter.watch is not None and reporter.watch.stopped:
             return
         if part.learn:
-            integrator.solve(rounds[number] if number < len(rounds) else None)
+            integrator.solve(part)
             if run.config.learn.keep_maps:
                 run.round_allocations.append(integrator.allocation_map())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warpmis.cache.moments import MAX_SHARE, MIN_SHARE, CellMoments, updated_shares, worths
+from warpmis.cache.cell_moments import MAX_SHARE, MIN_SHARE, CellMoments, updated_shares, worths
 
 
 def moments(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpmis.cache.directions import BLUR, FLOOR, MORTON, blurred, guide_densities, pyramid
-from warpmis.device.views import GUIDE_BINS, GUIDE_NODES
+from warpmis.device.cache_views import GUIDE_BINS, GUIDE_NODES
 
 BINS = GUIDE_BINS * GUIDE_BINS
 

@@ -9,7 +9,7 @@ from stats import chi_square
 
 from warpmis.cache.cells import CellTree
 from warpmis.cache.directions import normalised, pyramid
-from warpmis.device.views import GUIDE_BINS, CellNodeView, VertexRecord
+from warpmis.device.cache_views import GUIDE_BINS, CellNodeView, VertexRecord
 from warpmis.kernels.cache.guide import from_square, guide_frame, pdf_guide, sample_guide, to_square
 from warpmis.kernels.cache.lookup import make_locate
 

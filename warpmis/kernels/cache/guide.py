@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warpmis.device.views import GUIDE_BINS, GUIDE_LEVELS, GUIDE_NODES
+from warpmis.device.cache_views import GUIDE_BINS, GUIDE_LEVELS, GUIDE_NODES
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.shading_frame import Frame
 from warpmis.kernels.warps import INV_PI, PI, square_to_disk

@@ -1,10 +1,9 @@
 """Which cell of the cache a vertex lies in."""
 
-from functools import cache
-
 import warp as wp
 
-from warpmis.device.views import GUIDE_BINS, CellNodeView, VertexRecord
+from warpmis.device.cache_views import GUIDE_BINS, CellNodeView, VertexRecord
+from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.cache.guide import bin_of
 
 wp.set_module_options({"enable_backward": False})
@@ -27,11 +26,10 @@ def cell_of(nodes: wp.array(dtype=CellNodeView), x: wp.vec3, n: wp.vec3) -> int:
     return node.child
 
 
-@cache
-def make_locate() -> wp.Kernel:
+@kernel_factory
+def make_locate() -> KernelFunction:
     """The kernel that finds the cell and the bin of each record, -1 for those that hold no vertex."""
 
-    @wp.kernel(module="unique", enable_backward=False)
     def locate(
         first: int,
         records: wp.array(dtype=VertexRecord),

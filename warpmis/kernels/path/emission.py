@@ -61,7 +61,7 @@ def make_emission(
         if path.weighs_emission:
             light = scene.lights[index]
             of_light = pdf_mesh(light, hit.ng, path.wi, distance) * importance(scene, light, path.receiver)
-            emission = emission * balance_weight(path.pdf_bsdf, density(of_light, path.receiver.total))
+            emission = emission * balance_weight(path.pdf, density(of_light, path.receiver.total))
         return emission
 
     return SimpleNamespace(add=add, of_lights=of_lights, of_surface=of_surface)

@@ -19,7 +19,8 @@ def make_estimator(
 ) -> SimpleNamespace:
     """The estimator's functions (next_event.py), its `record` of a path, the type PathState, and `strategies`.
 
-    By the spatial cache where there is one; else next-event estimation without strategies, and with them their mixture, or pairs where that is what learning asks for.
+    By the spatial cache where there is one. Else next-event estimation without strategies, and with them their mixture,
+    or pairs where that is what learning asks for.
     """
     strategies = make_strategies(features, surface, lights)
     if features.cache:

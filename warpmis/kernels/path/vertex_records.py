@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import SceneView, VertexRecord
+from warpmis.device.cache_views import VertexRecord
+from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.moments import SHADOW_RAY_COST
@@ -30,10 +31,12 @@ def make_vertex_records(features: Features, PathState: type) -> SimpleNamespace:
     def begin_path(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey):
         path.estimate.first_record = NO_RECORD
         if wp.static(is_on):
-            pixel = int(key.pixel)
+            x = int(key.pixel) % scene.cache[0].width
+            y = int(key.pixel) / scene.cache[0].width
             stride = scene.cache[0].record_stride
-            if pixel % stride == 0:
-                index = pixel / stride * scene.cache[0].samples + int(key.sample) - scene.cache[0].first_sample
+            if x % stride == 0 and y % stride == 0:
+                cell = y / stride * ((scene.cache[0].width + stride - 1) / stride) + x / stride
+                index = cell * scene.cache[0].samples + int(key.sample) - scene.cache[0].first_sample
                 path.estimate.first_record = index * scene.cache[0].vertices
 
     @wp.func

@@ -1,0 +1,234 @@
+"""A render by the spatial cache: a pilot that decides, rounds that train, and the picture.
+
+The pilot's samples and those of small training rounds are left out of the picture. All others count alike, and what a
+round does depends on earlier rounds alone. So every round is unbiased given those before it, and so is their sum.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpmis.cache.gate import PILOT_SAMPLES, THRESHOLD, pilot_stride, relative_variance
+from warpmis.cache.pixel_worth import expected_luminance, pixel_worth, rate_strength
+from warpmis.cache.spatial_cache import SpatialCache
+from warpmis.cache.training import Training, training_rounds
+from warpmis.config import RenderConfig
+from warpmis.device.cache_views import CacheView, VertexRecord
+from warpmis.device.compilation import load_kernels
+from warpmis.device.film_buffers import allocate_film, download_film
+from warpmis.device.footprint import array_bytes
+from warpmis.device.upload import DeviceScene
+from warpmis.device.views import FilmView, RoundView, vec_lattice
+from warpmis.film.film import Film
+from warpmis.film.metrics import squared_scale, without_outliers
+from warpmis.kernels.cache.lookup import make_locate
+from warpmis.kernels.moments import SHADOW_RAY_COST
+from warpmis.kernels.trace import make_trace
+from warpmis.learn.schedule import Round
+from warpmis.rendering.generating_vector import lattice_length, lattice_steps
+from warpmis.rendering.integrator import Integrator, Pass
+from warpmis.scene.features import Features
+
+# The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
+PILOT_SEED = 0x51ED270B
+# Most vertices that a round records, at 64 bytes each, and most of one path.
+MOST_RECORDS = 2_000_000
+RECORDED_VERTICES = 8
+CACHE_ARRAYS = ("nodes", "cells", "densities", "pixel_worth", "records")
+
+
+def guided_kernels(features: Features) -> tuple[wp.Kernel, ...]:
+    """For the pilot and pictures that do not gain; for rounds that train; for the picture; and the records' kernel."""
+    guided = (make_trace(features.with_cache(cache)) for cache in ("record", "guide"))
+    return (make_trace(features), *guided, make_locate())
+
+
+@dataclass(frozen=True)
+class CacheRound(Round):
+    """A round of the cache. pilot_half: which of the pilot's two, None for others; training: None for those that do
+    not train."""
+
+    pilot_half: int | None = None
+    training: Training | None = None
+
+    @property
+    def stride(self) -> int:
+        return self.training.stride if self.training else 1
+
+
+class GuidedIntegrator(Integrator):
+    """One render in progress, by a spatial cache."""
+
+    def __init__(self, scene: DeviceScene, features: Features, config: RenderConfig, allocation: Any) -> None:
+        super().__init__(scene, features, config, allocation)
+        self.plain_kernel, self.record_kernel, self.guide_kernel, _ = guided_kernels(features)
+        self.cache = SpatialCache(scene.extent, config.device)
+        load_kernels(guided_kernels(features), config.device)
+        self.is_guided = False
+        self.strength = 1.0
+        self.pilot_pictures: list[Film] = []
+        self.learned_film: Film | None = None  # of all training rounds, at the picture's size
+        self.kept_film: Film | None = None  # of those that the picture holds
+        self.scratch: FilmView | None = None
+        self.records: wp.array | None = None
+        self.traced_rays = 0  # by films that are gone
+        self.cache_view: CacheView | None = None  # keeps alive what the scene's view points into
+
+    def rounds(self) -> Iterator[Round]:
+        """The pilot; then a plain render, or training and a guided one."""
+        for half in (0, 1) if self.config.max_depth > 0 else ():
+            yield CacheRound(half * PILOT_SAMPLES, PILOT_SAMPLES, learn=True, label="pilot", pilot_half=half)
+        trainings = training_rounds(self.pixels, self.config.spp) if self.is_guided else []
+        first_sample, spent = 0, 0.0
+        for number, training in enumerate(trainings, start=1):
+            label = f"round {number}/{len(trainings)}"
+            yield CacheRound(first_sample, training.samples, learn=True, label=label, training=training)
+            first_sample += training.samples
+            spent += training.samples / training.stride**2
+        yield CacheRound(first_sample, self.config.spp - math.ceil(spent), learn=False)
+
+    def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
+        assert isinstance(part, CacheRound)
+        assert piece is None
+        if part.pilot_half is not None:
+            self._trace_pilot(part)
+            return
+        film, kernel = self.film, self.plain_kernel
+        if self.is_guided:
+            kernel = self.record_kernel if part.training else self.guide_kernel
+            self._upload_cache(part)
+        if part.training:
+            film = self.scratch = allocate_film(self._cells(part.stride), self.config.device)
+        self._launch_round(part, kernel, film, self._view(part, part.stride), advance)
+
+    def _trace_pilot(self, part: CacheRound) -> None:
+        stride = pilot_stride(self.pixels)
+        view = self._view(part, stride)
+        view.seed = (self.config.seed + PILOT_SEED) % 2**32
+        film = allocate_film(self._cells(stride), self.config.device)
+        self._launch_round(part, self.plain_kernel, film, view, lambda samples: None)
+        self._count_rays(film)
+        self.pilot_pictures.append(download_film(film, *self._size(stride)))
+
+    def _launch_round(
+        self, part: Round, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]
+    ) -> None:
+        everyone = wp.empty(0, dtype=wp.uint8, device=self.config.device)
+        passes = [Pass(kernel, everyone, 0, self.nothing[0], film, self.nothing[1])]
+        lock = threading.Lock()
+
+        def launch(job: tuple[int, int]) -> None:
+            self._launch(passes, view, *job)
+            with lock:
+                advance(job[1] * part.samples)
+
+        self._run(launch, self._jobs(film.color.shape[0], part.samples))
+
+    def _view(self, part: Round, stride: int) -> RoundView:
+        view = self._round_view(part, range(part.first_sample, part.first_sample + part.samples))
+        view.by_cells, view.stride = stride > 1, max(stride, 1)
+        view.lattice_start, view.lattice_length = part.first_sample, lattice_length(part.samples)
+        view.lattice_steps = vec_lattice(*lattice_steps(view.lattice_length))
+        return view
+
+    def _size(self, stride: int) -> tuple[int, int]:
+        return -(-self.width // stride), -(-self.height // stride)
+
+    def _cells(self, stride: int) -> int:
+        width, height = self._size(stride)
+        return width * height
+
+    # ---- learning -----------------------------------------------------------------------------------------------
+
+    def solve(self, part: Round) -> None:
+        assert isinstance(part, CacheRound)
+        if part.pilot_half == 1:
+            self._decide()
+        elif part.training is not None:
+            self._learn(part.training)
+
+    def _decide(self) -> None:
+        """Whether this picture is guided, and what its rates begin with."""
+        first, second = self.pilot_pictures
+        both = first.merge(second)
+        variance = relative_variance(first.image(), second.image(), expected_luminance(both.color, both.count))
+        self.strength = rate_strength(self.traced_rays / max(int(both.count.sum()), 1), variance)
+        self.is_guided = variance > THRESHOLD
+
+    def _learn(self, training: Training) -> None:
+        assert self.records is not None and self.scratch is not None
+        self.cache.learn(self.records, self._launch_over)
+        self.records = None
+        film = download_film(self.scratch, *self._size(training.stride))
+        if training.stride == 1 and training.samples > 2:
+            self._update_strength(film, self._cost(self.scratch))
+        self._count_rays(self.scratch)
+        film = film.spread_out(training.stride, self.width, self.height)
+        self.learned_film = film if self.learned_film is None else self.learned_film.merge(film)
+        if training.is_kept:
+            self.kept_film = film if self.kept_film is None else self.kept_film.merge(film)
+
+    def _update_strength(self, film: Film, cost: float) -> None:
+        relative = film.variance() / np.maximum(squared_scale(film.image()), 1e-30)
+        self.strength = rate_strength(cost, float(without_outliers(relative).mean()))
+
+    def _upload_cache(self, part: CacheRound) -> None:
+        """The cache as this round's kernels read it, and room for what they record."""
+        worth = np.full(self.pixels, np.float32(1e30))  # before anything is known all paths live
+        if self.learned_film is not None:
+            worth = pixel_worth(expected_luminance(self.learned_film.color, self.learned_film.count), self.strength)
+        view = self.cache.view(worth)
+        if part.training:
+            stride = part.stride
+            vertices = min(self.config.max_depth, RECORDED_VERTICES)
+            while self._cells(stride) * part.samples * vertices > MOST_RECORDS:
+                stride += part.stride  # a cell's first pixel is traced
+            count = self._cells(stride) * part.samples * vertices
+            self.records = wp.zeros(count, dtype=VertexRecord, device=self.config.device)
+            view.records, view.width, view.record_stride = self.records, self.width, stride
+            view.vertices, view.first_sample, view.samples = vertices, part.first_sample, part.samples
+        self.cache_view = view
+        self.scene.view.cache = wp.array([view], dtype=CacheView, device=self.config.device)
+
+    def _launch_over(self, kernel: wp.Kernel, count: int, inputs: list[Any]) -> None:
+        def launch(job: tuple[int, int]) -> None:
+            wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
+
+        self._run(launch, self._stretches(count, max(1, -(-count // self.threads))))
+
+    # ---- results ------------------------------------------------------------------------------------------------
+
+    def _cost(self, film: FilmView) -> float:
+        """Of one path [rays]."""
+        paths = max(int(film.accepted.numpy().sum()), 1)
+        return float(film.rays.numpy().sum() + SHADOW_RAY_COST * film.shadow_rays.numpy().sum()) / paths
+
+    def _count_rays(self, film: FilmView) -> None:
+        self.traced_rays += int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum())
+
+    def next_event_share(self) -> float:
+        return 0.0 if self.is_guided else 1.0
+
+    def bytes(self) -> dict[str, Any]:
+        memory = super().bytes()
+        if self.cache_view is not None:
+            memory["picture"] += array_bytes([getattr(self.cache_view, name) for name in CACHE_ARRAYS])
+        return memory
+
+    def rays(self) -> int:
+        return self.traced_rays + super().rays()
+
+    def download(self) -> tuple[Film, ...]:
+        """The picture's samples: of the training rounds that it holds, and of the render."""
+        final = download_film(self.film, self.width, self.height)
+        if self.kept_film is not None:
+            return self.kept_film, final
+        # An interrupted render has nothing else to show.
+        return (self.learned_film, final) if self.learned_film is not None and not final.count.any() else (final,)
