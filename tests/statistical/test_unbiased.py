@@ -28,6 +28,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled"},
     "cost-aware": {"method": "cost-aware"},
     "auto": {"method": "auto"},
+    "guided": {"method": "guided"},
 }
 # Bias of the picture's mean that is caught with a probability of 99 %: between any two methods of which none is BSDF
 # sampling alone, and between that and the others. BSDF sampling finds a small lamp by chance alone, hence the second.
@@ -66,7 +67,7 @@ def test_methods_agree_where_a_light_is_hidden() -> None:
 @pytest.mark.parametrize("name", SCENES[:-1])
 def test_default_method_agrees(name: str) -> None:
     """The small version of the test of all methods: what most pictures are made with."""
-    check(name, ["nee", "balance", "auto"], spp=256)
+    check(name, ["nee", "balance", "auto", "guided"], spp=256)
 
 
 @pytest.mark.slow

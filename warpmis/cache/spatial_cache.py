@@ -21,7 +21,7 @@ Launch = Callable[[wp.Kernel, int, list[Any]], None]
 
 BINS = GUIDE_BINS * GUIDE_BINS
 # The tree is refined by about this many records; the sums are of all.
-TREE_RECORDS = 200_000
+TREE_RECORDS = 100_000
 
 
 class SpatialCache:

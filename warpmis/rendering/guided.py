@@ -39,7 +39,7 @@ from warpmis.scene.features import Features
 # The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
 PILOT_SEED = 0x51ED270B
 # Most vertices that a round records, at 64 bytes each, and most of one path.
-MOST_RECORDS = 2_000_000
+MOST_RECORDS = 1_000_000
 RECORDED_VERTICES = 8
 CACHE_ARRAYS = ("nodes", "cells", "densities", "pixel_worth", "records")
 

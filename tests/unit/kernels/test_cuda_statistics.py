@@ -21,7 +21,16 @@ BY_STATISTICS = {method.statistics: name for name, method in reversed(METHODS.it
 def test_statistics_of_a_method_compile_for_cuda(name: str, tmp_path: Path) -> None:
     method = METHODS[name]
     strategies = DEFAULT_STRATEGIES if method.two_strategies else STRATEGIES
-    kernel = make_trace(Features(tree="warp").with_strategies(strategies, method.statistics))
+    compile_for_cuda(Features(tree="warp").with_strategies(strategies, method.statistics), tmp_path)
+
+
+@pytest.mark.parametrize("cache", ["guide", "record"])
+def test_paths_by_the_cache_compile_for_cuda(cache: str, tmp_path: Path) -> None:
+    compile_for_cuda(Features(tree="warp", indirect=True).with_cache(cache), tmp_path)
+
+
+def compile_for_cuda(features: Features, tmp_path: Path) -> None:
+    kernel = make_trace(features)
     wp.compile_aot_module(kernel.module, arch=[HOPPER], module_dir=tmp_path, use_ptx=True)
     (ptx,) = tmp_path.glob("*.ptx")
     assert f".entry {kernel.key}" in ptx.read_text()

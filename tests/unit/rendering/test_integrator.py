@@ -14,7 +14,7 @@ from warpmis.device.upload import upload
 from warpmis.learn.schedule import Round
 from warpmis.methods import METHODS
 from warpmis.rendering import integrator
-from warpmis.rendering.specialise import features_of
+from warpmis.rendering.specialise import features_of, kernels_of
 from warpmis.scene.features import Features, detect
 
 SETTINGS = {"spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
@@ -121,7 +121,7 @@ def test_kernels_of_a_run_have_the_same_compiler_options(method: str) -> None:
     """Warp keeps what the compiler has read of its headers for each set of options: 2 s of a first render each."""
     config = warpmis.RenderConfig(method=method, allocation=(0.5, 0.5) if method == "fixed" else None, ids=True)
     scene = scenes.room()
-    modules = {kernel.module for kernel in integrator.kernels_of(features_of(scene, config), config)}
+    modules = {kernel.module for kernel in kernels_of(features_of(scene, config), config)}
     assert len(modules) > 2
     names = ("cpu_compiler_flags", "optimization_level", "mode", "fuse_fp")
     assert len({tuple(module.options.get(name) for name in names) for module in modules}) == 1
