@@ -32,7 +32,8 @@ ALLOWED: dict[str, set[str]] = {
     "output": {"film", "errors"},
     "inspection": {"scene", "device.environment"},
     "rendering": {
-        "cache", "config", "device", "errors", "film", "kernels", "learn", "output", "scene", "usd", "whole_numbers", "",
+        "cache", "config", "device", "errors", "film", "kernels", "learn", "output", "scene", "usd", "whole_numbers",
+        "",
     },
     "compare": {"config", "methods", "errors", "film", "output", "rendering.progress", "whole_numbers", ""},
     "cli": {"compare", "config", "methods", "errors", "inspection", "output", "rendering", "scene", "usd", ""},

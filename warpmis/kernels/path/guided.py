@@ -20,7 +20,7 @@ from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.cache.guide import from_square, guide_frame, pdf_guide, sample_guide, to_square
 from warpmis.kernels.cache.lookup import cell_of
-from warpmis.kernels.light.table import LightsOnRay
+from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance, to_world
