@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 class Reference:
     """Two independent renders, and the errors of others against them."""
 
-    def __init__(self, scene: warpmis.Scene, spp: int) -> None:
-        pictures = [warpmis.render(scene, method="nee", spp=spp, seed=seed).image for seed in (10_000, 20_000)]
+    def __init__(self, scene: warpmis.Scene, spp: int, method: str = "nee") -> None:
+        pictures = [warpmis.render(scene, method=method, spp=spp, seed=seed).image for seed in (10_000, 20_000)]
         self.pair = [picture.astype(np.float64) for picture in pictures]
         mean = (self.pair[0] + self.pair[1]) / 2.0
         self.scale, self.mean = squared_scale(mean), mean
