@@ -116,7 +116,7 @@ def learning(scene: warpmis.Scene, repeats: int) -> Figure:
 
     def with_learning() -> None:
         run.trace(Round(0, spp, learn=True), lambda samples: None)
-        run.solve(Round(0, spp, learn=False))
+        run.solve(Round(0, spp, learn=True, following=spp))
         wp.copy(run.allocation, equal)
 
     def without() -> None:

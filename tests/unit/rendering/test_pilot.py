@@ -54,7 +54,7 @@ def test_a_cell_shares_what_its_pilot_learns() -> None:
 
 def test_the_schedule_of_a_pilot() -> None:
     pilot, rest = schedule(warpmis.RenderConfig(spp=64))
-    assert pilot == Round(0, 8, learn=True, after=56)
+    assert pilot == Round(0, 8, learn=True, after=56, following=64, label="round 1/1")
     assert rest == Round(0, 64, learn=False, pilot=8)
     assert pilot.sequence == rest.sequence == range(64)
 
