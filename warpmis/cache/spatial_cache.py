@@ -21,7 +21,9 @@ Launch = Callable[[wp.Kernel, int, list[Any]], None]
 
 BINS = GUIDE_BINS * GUIDE_BINS
 # The tree is refined by about this many records; the sums are of all.
-TREE_RECORDS = 100_000
+TREE_RECORDS = 50_000
+# What is added up of each record.
+COLUMNS = ("tail", "light", "cost", "bsdf_ratio", "radiance", "jacobian")
 
 
 class SpatialCache:
@@ -50,15 +52,16 @@ class SpatialCache:
         """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths."""
         table = vertices.numpy()
         # A record that left float32's range says nothing.
-        used = (table["used"] != 0) & np.isfinite(table["tail"]) & np.isfinite(table["light"] + table["jacobian"])
-        if not used.any():
+        finite = np.isfinite(table["tail"]) & np.isfinite(table["light"]) & np.isfinite(table["jacobian"])
+        used = np.flatnonzero((table["used"] != 0) & finite)
+        if len(used) == 0:
             return
-        self._refine(table[used])
-        cells, bins = self._locate(vertices, launch)
-        table, cells, bins = table[used], cells[used], bins[used]
-        latest = self._sums(table, cells)
+        self._refine(table, used)
+        cells, bins = (found[used] for found in self._locate(vertices, launch))
+        columns = {name: table[name][used].astype(np.float64) for name in COLUMNS}
+        latest = self._sums(columns, cells)
         self.moments = self.moments.plus(latest)
-        squares = (table["radiance"].astype(np.float64) ** 2) * table["jacobian"]
+        squares = columns["radiance"] ** 2 * columns["jacobian"]
         self.histogram += np.bincount(bins, squares, self.cells * BINS).reshape(-1, BINS)
         self.rounds += 1
         if self.rounds == 1:
@@ -68,9 +71,10 @@ class SpatialCache:
         self.densities = guide_densities(self.histogram, self.shares)
         self.tail_worth, self.light_worth = worths(self.moments)
 
-    def _refine(self, table: NDArray[Any]) -> None:
-        step = max(1, len(table) // TREE_RECORDS)
-        places = np.concatenate([table["x"][::step], table["n"][::step]], axis=1).astype(np.float64)
+    def _refine(self, table: NDArray[Any], used: IntArray) -> None:
+        step = max(1, len(used) // TREE_RECORDS)
+        some = used[::step]
+        places = np.concatenate([table["x"][some], table["n"][some]], axis=1).astype(np.float64)
         refined = self.tree.refine(places, self.tree.find(places), stands_for=step)
         # A part of a cell inherits its part of the sums.
         factor: FloatArray = DECAY * 0.5 ** refined.halvings.astype(np.float64)
@@ -83,9 +87,8 @@ class SpatialCache:
         launch(make_locate(), len(vertices), [vertices, self.nodes(), cells, bins])
         return cells.numpy().astype(np.int64), bins.numpy().astype(np.int64)
 
-    def _sums(self, table: NDArray[Any], cells: IntArray) -> CellMoments:
-        shares = self.shares[cells]
-        tail, ratio = table["tail"].astype(np.float64), table["bsdf_ratio"].astype(np.float64)
+    def _sums(self, columns: dict[str, FloatArray], cells: IntArray) -> CellMoments:
+        shares, tail, ratio = self.shares[cells], columns["tail"], columns["bsdf_ratio"]
         # The densities of the mixture add up to it: a q_B + (1 - a) q_G = 1.
         guide_ratio = np.maximum((1.0 - shares * ratio) / np.maximum(1.0 - shares, 1e-9), 0.0) * (shares < 1.0)
 
@@ -97,8 +100,8 @@ class SpatialCache:
             by_bsdf=add(tail * ratio),
             by_guide=add(tail * guide_ratio),
             tail=add(tail),
-            light=add(table["light"]),
-            cost=add(table["cost"]),
+            light=add(columns["light"]),
+            cost=add(columns["cost"]),
         )
 
     def nodes(self) -> wp.array:

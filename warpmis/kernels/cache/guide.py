@@ -1,11 +1,13 @@
 """The guide: directions drawn by what a cell has seen, over the cosine-warped hemisphere about the shading normal."""
 
+import math
+
 import warp as wp
 
 from warpmis.device.cache_views import GUIDE_BINS, GUIDE_LEVELS, GUIDE_NODES
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.shading_frame import Frame
-from warpmis.kernels.warps import INV_PI, PI, square_to_disk
+from warpmis.kernels.warps import INV_PI, square_to_disk
 
 wp.set_module_options({"enable_backward": False})
 
@@ -28,6 +30,18 @@ def guide_frame(n: wp.vec3) -> Frame:
 
 
 @wp.func
+def eighths_of_turn(x: float) -> float:
+    """atan(x) over pi / 4 for |x| <= 1, to within float32: several times faster on the CPU.
+
+    Reference: Abramowitz, Stegun (1964), "Handbook of Mathematical Functions", equation 4.4.49.
+    """
+    x2 = x * x
+    high = 0.1065626393 + x2 * (-0.0752896400 + x2 * (0.0429096138 + x2 * (-0.0161657367 + x2 * 0.0028662257)))
+    low = 1.0 + x2 * (-0.3333314528 + x2 * (0.1999355085 + x2 * (-0.1420889944 + x2 * high)))
+    return x * low * wp.static(4.0 / math.pi)
+
+
+@wp.func
 def to_square(frame: Frame, wi: wp.vec3) -> wp.vec2:
     """Where a direction lies in the square: the inverse of square_to_disk below the hemisphere's shadow on the disk."""
     x = wp.dot(wi, frame.s)
@@ -37,9 +51,9 @@ def to_square(frame: Frame, wi: wp.vec3) -> wp.vec2:
         return wp.vec2(0.5, 0.5)
     if wp.abs(x) > wp.abs(y):
         a = wp.where(x > 0.0, r, -r)
-        return wp.vec2(0.5 * (a + 1.0), 0.5 * (a * wp.atan(y / x) * (4.0 / PI) + 1.0))
+        return wp.vec2(0.5 * (a + 1.0), 0.5 * (a * eighths_of_turn(y / x) + 1.0))
     a = wp.where(y > 0.0, r, -r)
-    return wp.vec2(0.5 * (a * wp.atan(x / y) * (4.0 / PI) + 1.0), 0.5 * (a + 1.0))
+    return wp.vec2(0.5 * (a * eighths_of_turn(x / y) + 1.0), 0.5 * (a + 1.0))
 
 
 @wp.func

@@ -9,20 +9,17 @@ from warpmis.kernels.cache.guide import bin_of
 wp.set_module_options({"enable_backward": False})
 
 
+vec6 = wp.types.vector(length=6, dtype=float)
+
+
 @wp.func
 def cell_of(nodes: wp.array(dtype=CellNodeView), x: wp.vec3, n: wp.vec3) -> int:
     """The cell of a position and a shading normal."""
+    place = vec6(x[0], x[1], x[2], n[0], n[1], n[2])
     node = nodes[0]
     while node.axis >= 0:
-        along = float(0.0)
-        if node.axis < 3:
-            along = x[node.axis]
-        else:
-            along = n[node.axis - 3]
-        child = node.child
-        if along > node.split:
-            child += 1
-        node = nodes[child]
+        # No branch but the loop's own: the walk is as long as a processor's guesses are right.
+        node = nodes[node.child + int(place[node.axis] > node.split)]
     return node.child
 
 
