@@ -29,7 +29,7 @@ def look(
 ):
     i = wp.tid()
     hit = intersect.closest_hit(scene, origins[i], wi)
-    found[i] = materials.at(scene, hit.triangle, hit.u, hit.v)
+    found[i] = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
     normals[i] = intersect.shading_frame(scene, hit, found[i], wi).n
 
 

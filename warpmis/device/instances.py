@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpmis.device.mesh import MAX_SHARE, PAD, padding, triangle_boxes
 from warpmis.device.struct_arrays import records
@@ -66,3 +67,14 @@ def upload_instances(
     tree = wp.Bvh(wp.array(low, dtype=wp.vec3), wp.array(high, dtype=wp.vec3))
     instances = records(InstanceView, columns, sum(counts))
     return {"instances": instances, "instance_count": sum(counts), "instance_bvh": tree.id}, (tree,)
+
+
+def place_primvars(prototypes: Sequence[Prototype], width: int) -> NDArray[np.float32]:
+    """What all places have of so many columns of primvars, shape (K, width); (0, width) where none has any."""
+    if not any(prototype.primvars.size for prototype in prototypes):
+        return np.zeros((0, width), np.float32)
+    blocks = [np.zeros((len(prototype.prims), width), np.float32) for prototype in prototypes]
+    for block, prototype in zip(blocks, prototypes, strict=True):
+        if prototype.primvars.size:
+            block[:, : prototype.primvars.shape[1]] = prototype.primvars
+    return np.concatenate(blocks)

@@ -209,12 +209,17 @@ def place_of(lookup: Lookup) -> Any:
 
 
 def upload_materials(
-    view: SceneView, tables: MaterialTables, texels: Any, primvars: NDArray[np.float32]
+    view: SceneView,
+    tables: MaterialTables,
+    texels: Any,
+    primvars: NDArray[np.float32],
+    places: NDArray[np.float32],
 ) -> VaryingView | None:
     """The materials into the view; what varies over surfaces is returned, to be kept alive.
 
     Args:
         texels: those of tables.stacks, on the device.
+        primvars: of the triangles, shape (F, 3, P); places: of the instances, shape (K, P), or (0, P) for none.
     """
     view.materials = wp.array(tables.materials, dtype=MaterialView)
     if not tables.inputs:
@@ -225,7 +230,9 @@ def upload_materials(
     varying.tiles = wp.array(tables.tiles, dtype=TileView)
     varying.texels = texels
     varying.byte_values = wp.array(np.concatenate([byte_values(False), byte_values(True)]), dtype=float)
-    varying.primvars = wp.array(primvars, dtype=float)
+    of_places = np.repeat(places[:, None], 3, axis=1)
+    varying.primvars = wp.array(np.concatenate([primvars, of_places]) if len(places) else primvars, dtype=float)
+    varying.first_place = len(primvars)
     view.varying = wp.array([varying], dtype=VaryingView)
     return varying
 

@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.device.environment import distribution
-from warpmis.device.instances import largest_shrinking, upload_instances
+from warpmis.device.instances import largest_shrinking, place_primvars, upload_instances
 from warpmis.device.light import LightTables, light_tables
 from warpmis.device.light_control import control_view
 from warpmis.device.material import MaterialTables, material_tables, texels_of, upload_materials
@@ -214,7 +214,8 @@ def upload_surfaces(
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
     materials = material_tables(scene)
     texels = uploads.texels_of(materials, device) if uploads else upload_texels(materials, device)
-    return upload_materials(view, materials, texels, geometry.primvars)
+    places = place_primvars(scene.prototypes, geometry.primvars.shape[-1])
+    return upload_materials(view, materials, texels, geometry.primvars, places)
 
 
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:

@@ -151,8 +151,9 @@ class TileView:
 
 @wp.struct
 class VaryingView:
-    """What varies over surfaces. primvars: per triangle and corner what its material's lookups read; texels: bits, see
-    TileView; byte_values: linear values of the bytes, plain in the first 256, of sRGB in the second."""
+    """What varies over surfaces. primvars: per triangle and corner what its material's lookups read, NaN where the
+    instance has it: its row, from first_place on, holds it for all corners; texels: bits, see TileView; byte_values:
+    linear values of the bytes, plain in the first 256, of sRGB in the second."""
 
     inputs: wp.array(dtype=InputsView)
     lookups: wp.array(dtype=LookupView)
@@ -160,6 +161,7 @@ class VaryingView:
     texels: wp.array(dtype=wp.uint32)
     byte_values: wp.array(dtype=float)
     primvars: wp.array3d(dtype=float)
+    first_place: int
 
 
 @wp.struct

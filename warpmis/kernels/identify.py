@@ -32,7 +32,7 @@ def make_identify(features: Features) -> KernelFunction:
                 return
             seen = bool(True)
             if wp.static(features.opacity):
-                seen = materials.at(scene, hit.triangle, hit.u, hit.v).opacity > 0.0
+                seen = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v).opacity > 0.0
             if seen:
                 prim = scene.prims[hit.triangle]
                 place = scene.copies[hit.triangle]

@@ -126,7 +126,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
                 material = scene.materials[scene.triangles[hit.triangle].material]
                 if material.opacity >= 1.0:
                     return wp.vec3(0.0, 0.0, 0.0)
-                material = materials.at(scene, hit.triangle, hit.u, hit.v)
+                material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
                 cos_theta = to_local(shading_frame(scene, hit, material, wi), -wi)[2]
                 share = wp.cw_mul(share, passed(material, cos_theta))
                 if luminance(share) <= 0.0:

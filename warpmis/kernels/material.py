@@ -40,8 +40,17 @@ def make_material(features: Features) -> SimpleNamespace:
     """Material functions for what varies in `features`: at, tilted."""
 
     @wp.func
+    def primvar_row(varying: wp.array(dtype=VaryingView), column: int, triangle: int, instance: int) -> int:
+        """The row of the primvars that a lookup reads: the triangle's, or that of the instance where it has none."""
+        row = triangle
+        if wp.static(features.instances):
+            if instance >= 0 and wp.isnan(varying[0].primvars[triangle, 0, column]):
+                row = varying[0].first_place + instance
+        return row
+
+    @wp.func
     def looked_up(
-        varying: wp.array(dtype=VaryingView), constant: InputsView, triangle: int, u: float, v: float
+        varying: wp.array(dtype=VaryingView), constant: InputsView, triangle: int, instance: int, u: float, v: float
     ) -> InputsView:
         """The inputs as they are at a point, each within its range.
 
@@ -51,14 +60,15 @@ def make_material(features: Features) -> SimpleNamespace:
         f = Footprint()
         for row in range(i.first_lookup, i.first_lookup + i.lookup_count):
             lookup = varying[0].lookups[row]
+            at = primvar_row(varying, lookup.column, triangle, instance)
             value = wp.vec3()
             if wp.static(features.vertex_colors):
                 if lookup.tile < 0:
-                    value = primvar_value(varying[0].primvars, lookup, triangle, u, v)
+                    value = primvar_value(varying[0].primvars, lookup, at, u, v)
             if wp.static(features.textures):
                 if lookup.tile >= 0:
                     if lookup.repeats == 0:
-                        f = footprint(varying, lookup, coordinates(varying[0].primvars, lookup, triangle, u, v))
+                        f = footprint(varying, lookup, coordinates(varying[0].primvars, lookup, at, u, v))
                     value = picture_value(varying, lookup, f)
             number = wp.clamp(value[0], 0.0, 1.0)
             which = lookup.input
@@ -86,10 +96,10 @@ def make_material(features: Features) -> SimpleNamespace:
 
     @wp.func
     def resolved(
-        varying: wp.array(dtype=VaryingView), base: MaterialView, triangle: int, u: float, v: float
+        varying: wp.array(dtype=VaryingView), base: MaterialView, triangle: int, instance: int, u: float, v: float
     ) -> MaterialView:
         """`base` with the inputs as they are at a point, resolved as device/materials.py does constant ones."""
-        i = looked_up(varying, varying[0].inputs[base.inputs], triangle, u, v)
+        i = looked_up(varying, varying[0].inputs[base.inputs], triangle, instance, u, v)
         m = base
         m.diffuse = i.diffuse
         if base.has_specular != 0:
@@ -110,12 +120,12 @@ def make_material(features: Features) -> SimpleNamespace:
         return m
 
     @wp.func
-    def at(scene: SceneView, triangle: int, u: float, v: float) -> MaterialView:
-        """The material at a point of a triangle; u weighs its first corner, v the second."""
+    def at(scene: SceneView, triangle: int, instance: int, u: float, v: float) -> MaterialView:
+        """The material at a point of a triangle, in an instance or -1; u weighs its first corner, v the second."""
         material = scene.materials[scene.triangles[triangle].material]
         if wp.static(features.textures or features.vertex_colors):
             if material.inputs >= 0:
-                return resolved(scene.varying, material, triangle, u, v)
+                return resolved(scene.varying, material, triangle, instance, u, v)
         return material
 
     @wp.func
@@ -137,9 +147,10 @@ def make_material(features: Features) -> SimpleNamespace:
             if hit.instance >= 0:
                 e0 = scene.instances[hit.instance].linear * e0
                 e1 = scene.instances[hit.instance].linear * e1
-        st2 = corner_coordinates(varying[0].primvars, lookup, triangle, 2)
-        d0 = corner_coordinates(varying[0].primvars, lookup, triangle, 0) - st2
-        d1 = corner_coordinates(varying[0].primvars, lookup, triangle, 1) - st2
+        row = primvar_row(varying, lookup.column, triangle, hit.instance)
+        st2 = corner_coordinates(varying[0].primvars, lookup, row, 2)
+        d0 = corner_coordinates(varying[0].primvars, lookup, row, 0) - st2
+        d1 = corner_coordinates(varying[0].primvars, lookup, row, 1) - st2
         determinant = d0[0] * d1[1] - d1[0] * d0[1]
         if determinant == 0.0:
             return n

@@ -32,7 +32,7 @@ class Geometry:
         materials: per triangle the index into Scene.materials, shape (F,) int32.
         prims: per triangle the index into Scene.prims, shape (F,) int32.
         primvars: per triangle corner what the lookups of the triangle's material read, shape (F, 3, P) float32,
-            finite; P is 0 where no material has any.
+            finite, or NaN in a prototype whose places have a value; P is 0 where no material has any.
         faces: per triangle the face, curve or point of the prim that it came from, shape (F,) int32; or empty.
         copies: per triangle which of the prim's places it stands in, shape (F,) int32; or empty: all are 0.
     """
@@ -112,6 +112,8 @@ class Prototype:
             [scene units], shapes (k, 3, 3) and (k, 3) float64. `linear` is invertible, and may mirror.
         prims: of each place the index into Scene.prims, shape (k,) int32; it stands for that of the triangles.
         copies: of each place which one of that prim's it is, shape (k,) int32; it stands for that of the triangles.
+        primvars: of each place what it has in place of the geometry's primvars that are NaN, shape (k, P) float32; or
+            empty: none is.
     """
 
     geometry: Geometry
@@ -119,6 +121,7 @@ class Prototype:
     translation: NDArray[np.float64]
     prims: Int32Array
     copies: Int32Array
+    primvars: Float32Array = field(default_factory=lambda: np.zeros((0, 0), np.float32))
 
     @cached_property
     def boxes(self) -> Bounds:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from warpmis.usd.reading import PxrError, Reading, one_line
+from warpmis.usd.shapes.instance_primvars import InstanceScope, Scopes
 from warpmis.usd.visibility import Shown, shown_below
 
 FloatArray = NDArray[np.float64]
@@ -32,10 +33,12 @@ class Placement:
 
     Attributes:
         matrices: local to world, USD's row-vector convention, shape (k, 4, 4); k > 1 under a PointInstancer.
+        scopes: the PointInstancers that it stands there by, the innermost first.
     """
 
     prim: Any
     matrices: FloatArray
+    scopes: Scopes = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class _Visit:
     matrices: FloatArray
     above: Shown
     predicate: Any
-    instancers: tuple[Any, ...]
+    scopes: Scopes
 
 
 def placements(reading: Reading) -> Iterator[Placement]:
@@ -85,10 +88,10 @@ def _visited(visit: _Visit, transforms: Any, reading: Reading) -> tuple[Placemen
     if prim.IsA(UsdGeom.PointInstancer):
         return None, _instancer_visits(visit, shown, matrices, reading)
     children = [
-        _Visit(child, matrices, shown, visit.predicate, visit.instancers)
+        _Visit(child, matrices, shown, visit.predicate, visit.scopes)
         for child in prim.GetFilteredChildren(visit.predicate)
     ]
-    return (Placement(prim, matrices) if shown.is_rendered(reading) else None), children
+    return (Placement(prim, matrices, visit.scopes) if shown.is_rendered(reading) else None), children
 
 
 def _world_matrices(prim: Any, parent: FloatArray, transforms: Any, reading: Reading) -> FloatArray:
@@ -107,12 +110,13 @@ def _world_matrices(prim: Any, parent: FloatArray, transforms: Any, reading: Rea
 def _instancer_visits(visit: _Visit, shown: Shown, matrices: FloatArray, reading: Reading) -> list[_Visit]:
     """One visit for each prototype that has instances, with the instances' matrices as its parent's."""
     path = visit.prim.GetPath()
-    if path in visit.instancers:
+    if path in [scope.instancer.GetPath() for scope in visit.scopes]:
         reading.warn(path, "left out: it is one of its own prototypes")
         return []
     instancer = UsdGeom.PointInstancer(visit.prim)
     prototypes = reading.targets(instancer.GetPrototypesRel(), "its instances are left out")
-    which, instances = _instances(instancer, len(prototypes), reading)
+    which, instances, numbers = _instances(instancer, len(prototypes), reading)
+    count = len(reading.indices(instancer.GetProtoIndicesAttr()))
     visits = []
     for number in np.unique(which):
         prototype = reading.stage.GetPrimAtPath(prototypes[number])
@@ -123,12 +127,18 @@ def _instancer_visits(visit: _Visit, shown: Shown, matrices: FloatArray, reading
             continue
         own = instances[which == number]
         world = (own[None] @ matrices[:, None]).reshape(-1, 4, 4)
-        visits.append(_Visit(prototype, world, shown, PROTOTYPE_PRIMS, (*visit.instancers, path)))
+        instance = np.tile(numbers[which == number], len(matrices))
+        outer = np.repeat(np.arange(len(matrices)), len(own))
+        scope = InstanceScope(visit.prim, prototype.GetPath(), instance, count)
+        scopes = (scope, *(one.of_places(outer) for one in visit.scopes))
+        visits.append(_Visit(prototype, world, shown, PROTOTYPE_PRIMS, scopes))
     return visits
 
 
-def _instances(instancer: Any, prototypes: int, reading: Reading) -> tuple[NDArray[np.int64], FloatArray]:
-    """Prototype index, shape (k,), and instance transform, shape (k, 4, 4), of the instances to be rendered.
+def _instances(
+    instancer: Any, prototypes: int, reading: Reading
+) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.int64]]:
+    """Of the instances to be rendered: prototype index, shape (k,), transform, shape (k, 4, 4), and number, shape (k,).
 
     invisibleIds and inactiveIds are left out; so are instances without a prototype or with a transform that is not
     finite, with a warning.
@@ -138,7 +148,7 @@ def _instances(instancer: Any, prototypes: int, reading: Reading) -> tuple[NDArr
     for name in INSTANCE_ATTRIBUTES:  # pxr leaves out silently what is of the wrong type
         reading.get(instancer.GetPrim().GetAttribute(name))
     if not len(which):
-        return which, np.empty((0, 4, 4))
+        return which, np.empty((0, 4, 4)), which
     computed = instancer.ComputeInstanceTransformsAtTime(
         reading.time,
         reading.time,
@@ -148,7 +158,7 @@ def _instances(instancer: Any, prototypes: int, reading: Reading) -> tuple[NDArr
     matrices = np.asarray(computed, np.float64).reshape(-1, 4, 4)
     if len(matrices) != len(which):
         reading.warn(path, f"left out: {len(which)} protoIndices, but {len(matrices)} transforms could be computed")
-        return which[:0], np.empty((0, 4, 4))
+        return which[:0], np.empty((0, 4, 4)), which[:0]
     mask = np.array(instancer.ComputeMaskAtTime(reading.time), bool)
     shown = mask if len(mask) == len(which) else np.ones(len(which), bool)
     known = (which >= 0) & (which < prototypes)
@@ -158,4 +168,4 @@ def _instances(instancer: Any, prototypes: int, reading: Reading) -> tuple[NDArr
         if (bad & shown).any():
             reading.warn(path, f"{int((bad & shown).sum())} instances left out: {reason}")
     keep = shown & known & finite
-    return which[keep], matrices[keep]
+    return which[keep], matrices[keep], np.flatnonzero(keep)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from warpmis.errors import StageError
 from warpmis.scene import Material, Prim
 from warpmis.scene.geometry import Geometry, Prototype, joined
 from warpmis.usd.reading import MAX_COORDINATE, Reading
-from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Shading, Surface, cofactors, placed
+from warpmis.usd.shapes.surfaces import NO_PLACES, FloatArray, IntArray, Shading, Surface, cofactors, placed
 
 # Geometry indexes with int32.
 MAX_ROWS = 2**31 - 1
@@ -25,34 +26,53 @@ MAX_COPIES = 1 << 20
 MAX_STRETCH = 1e3
 
 
+class Block(NamedTuple):
+    """Places of a surface.
+
+    Attributes:
+        matrices: local to world, USD's row-vector convention, shape (k, 4, 4).
+        prims: of each the index into GeometryBuilder.prims, shape (k,); copies: which of that prim's places it is.
+        values: as Shading.places.
+    """
+
+    matrices: FloatArray
+    prims: IntArray
+    copies: IntArray
+    values: NDArray[np.float32]
+
+    def at(self, rows: NDArray[np.bool_]) -> Block:
+        values = self.values[rows] if len(self.values) else self.values
+        return Block(self.matrices[rows], self.prims[rows], self.copies[rows], values)
+
+
 @dataclass(eq=False)
 class Places:
     """A surface and where it stands.
 
     Attributes:
-        blocks: matrices, local to world, USD's row-vector convention, shape (k, 4, 4), of each the index into
-            GeometryBuilder.prims, shape (k,), and which of that prim's places it is, shape (k,).
+        shading: without what the places have of their own.
+        blocks: for all prims of one surface and shading.
     """
 
     surface: Surface
     shading: Shading
-    blocks: list[tuple[FloatArray, IntArray, IntArray]] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
 
-    def add(self, matrices: FloatArray, prim: int) -> None:
-        self.blocks.append((matrices, np.full(len(matrices), prim), np.arange(len(matrices))))
+    def add(self, matrices: FloatArray, prim: int, values: NDArray[np.float32]) -> None:
+        self.blocks.append(Block(matrices, np.full(len(matrices), prim), np.arange(len(matrices)), values))
 
     @property
     def count(self) -> int:
-        return sum(len(prims) for _, prims, _ in self.blocks)
+        return sum(len(block.prims) for block in self.blocks)
 
     @property
     def copies(self) -> int:
         """How many more triangles there are when the surface is flattened."""
         return (self.count - 1) * len(self.surface.triangles)
 
-    def joined(self) -> tuple[FloatArray, IntArray, IntArray]:
-        matrices, prims, copies = zip(*self.blocks, strict=True)
-        return np.concatenate(matrices), np.concatenate(prims), np.concatenate(copies)
+    def joined(self) -> Block:
+        matrices, prims, copies, values = zip(*self.blocks, strict=True)
+        return Block(np.concatenate(matrices), np.concatenate(prims), np.concatenate(copies), np.concatenate(values))
 
 
 @dataclass(eq=False)
@@ -80,14 +100,14 @@ class GeometryBuilder:
         self.prims.append(prim)
         if len(matrices) == 1 and not is_shared:
             places = Places(surface, shading)
-            places.add(matrices, number)
+            places.add(matrices, number, shading.places)
             self.parts.append(self._flattened(places))
             return
         key = (id(surface), digest(shading))
         if key not in self.shared:
             self.shared[key] = Places(surface, shading)
             self.parts.append(self.shared[key])
-        self.shared[key].add(matrices, number)
+        self.shared[key].add(matrices, number, shading.places)
 
     def build(self, materials: Sequence[Material]) -> tuple[Geometry, tuple[Prototype, ...]]:
         """All triangles in world space, and those that are traced through transforms.
@@ -108,26 +128,28 @@ class GeometryBuilder:
             if rest.count:
                 rows = sum(len(one.triangles) for one in flat) + rest.count * len(rest.surface.triangles)
                 if rows > MAX_ROWS:
-                    path = self.prims[rest.blocks[0][1][0]].path
+                    path = self.prims[rest.blocks[0].prims[0]].path
                     raise StageError(f"more than {MAX_ROWS} triangles when its instances are flattened", path)
                 flat.append(self._flattened(rest))
         return joined(flat), tuple(prototypes)
 
     def _flattened(self, places: Places) -> Geometry:
-        matrices, prims, copies = places.joined()
-        geometry, inside = placed(places.surface, places.shading, matrices, prims, copies)
-        self._warn_of_distant(prims, inside)
+        block = places.joined()
+        shading = replace(places.shading, places=block.values)
+        geometry, inside = placed(places.surface, shading, block.matrices, block.prims, block.copies)
+        self._warn_of_distant(block.prims, inside)
         return geometry
 
     def _divided(self, places: Places) -> tuple[Prototype | None, Places]:
         """The places that rays can be carried through, and the rest."""
-        surface, (matrices, prims, copies) = places.surface, places.joined()
+        surface, block = places.surface, places.joined()
+        matrices, prims, shading = block.matrices, block.prims, replace(places.shading, places=NO_PLACES)
         low, high = surface.points.min(axis=0), surface.points.max(axis=0)
         center = (low + high) / 2.0
         # About its middle, so that float32 loses the least.
         about_center = np.eye(4)[None].copy()
         about_center[0, 3, :3] = -center
-        geometry, inside = placed(surface, places.shading, about_center, prims[:1], copies[:1])
+        geometry, inside = placed(surface, shading, about_center, prims[:1], block.copies[:1])
         through = stretch(matrices) < MAX_STRETCH
         if not len(geometry.triangles) or not through.any():
             return None, places
@@ -135,16 +157,17 @@ class GeometryBuilder:
         reach = (high - low) / 2.0 @ np.abs(linear)
         inside = (np.abs(translation) + reach < MAX_COORDINATE).all(axis=1)
         self._warn_of_distant(prims[through], inside[through])
-        kept = through & inside
+        kept = block.at(through & inside)
         prototype = Prototype(
             geometry=geometry,
-            linear=linear[kept].swapaxes(1, 2),
-            translation=translation[kept],
-            prims=prims[kept].astype(np.int32),
-            copies=copies[kept].astype(np.int32),
+            linear=linear[through & inside].swapaxes(1, 2),
+            translation=translation[through & inside],
+            prims=kept.prims.astype(np.int32),
+            copies=kept.copies.astype(np.int32),
+            primvars=kept.values,
         )
-        rest = Places(surface, places.shading, [(matrices[~through], prims[~through], copies[~through])])
-        return (prototype if kept.any() else None), rest
+        rest = Places(surface, shading, [block.at(~through)])
+        return (prototype if len(kept.prims) else None), rest
 
     def _warn_of_distant(self, prims: IntArray, inside: NDArray[np.bool_]) -> None:
         for number, count in zip(*np.unique(prims[~inside], return_counts=True), strict=True):

@@ -231,11 +231,12 @@ class StageContents:
         double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
         if prim.HasAPI(UsdLux.LightAPI):
             self.light_prims += 1
-            for matrix in placement.matrices:
-                shading, control = read_mesh_light(prim, surface, matrix, self.materials, self.reading)
+            for row, matrix in enumerate(placement.matrices):
+                scopes = tuple(scope.of_places([row]) for scope in placement.scopes)
+                shading, control = read_mesh_light(prim, surface, matrix, scopes, self.materials, self.reading)
                 self._place(Prim(str(prim.GetPath()), double_sided, control), surface, shading, matrix[None])
             return
-        shading = self.materials.of_surface(prim, surface)
+        shading = self.materials.of_surface(prim, surface, placement.scopes)
         is_shared = bool(prim.IsInstanceProxy())
         self._place(Prim(str(prim.GetPath()), double_sided), surface, shading, placement.matrices, is_shared)
 

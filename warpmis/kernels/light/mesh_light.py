@@ -79,7 +79,7 @@ def make_mesh(features: Features) -> SimpleNamespace:
         s.pdf_solid_angle = pdf_mesh(light, scene.triangles[triangle].n, s.wi, s.distance)
         s.radiance = light.radiance
         if wp.static(features.textures or features.vertex_colors):
-            s.radiance = materials.at(scene, triangle, 1.0 - b[0] - b[1], b[0]).emission
+            s.radiance = materials.at(scene, triangle, -1, 1.0 - b[0] - b[1], b[0]).emission
         return s
 
     return SimpleNamespace(sample=sample)

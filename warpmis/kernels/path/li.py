@@ -100,7 +100,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             if hit.distance >= INFINITE_DISTANCE:
                 emission.add(path, emitted)
                 break
-            material = materials.at(scene, hit.triangle, hit.u, hit.v)
+            material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
             if wp.static(features.mesh_light):
                 emitted += emission.of_surface(scene, path, hit, material, distance)
             emission.add(path, emitted)

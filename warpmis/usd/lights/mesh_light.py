@@ -13,13 +13,14 @@ from warpmis.usd.lights.light import Emission, is_in_range, read_emission, shini
 from warpmis.usd.lights.light_control import read_control, warn_unhonoured
 from warpmis.usd.materials.material import MaterialReader
 from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.instance_primvars import Scopes
 from warpmis.usd.shapes.surfaces import Shading, Surface
 
 Vector = NDArray[np.float64]
 
 
 def read_mesh_light(
-    prim: Any, surface: Surface, matrix: Vector, materials: MaterialReader, reading: Reading
+    prim: Any, surface: Surface, matrix: Vector, scopes: Scopes, materials: MaterialReader, reading: Reading
 ) -> tuple[Shading, LightControl]:
     """What the gprim's triangles are made of as a light at one place, and what the light asks for.
 
@@ -28,6 +29,7 @@ def read_mesh_light(
 
     Args:
         matrix: local to world, USD's row-vector convention, shape (4, 4).
+        scopes: as Placement.scopes, of this one place.
     """
     emission = read_emission(prim, reading)
     radiance = np.zeros(3) if emission is None else _radiance(emission, surface, matrix)
@@ -38,7 +40,7 @@ def read_mesh_light(
     mode = str(reading.get(prim.GetAttribute("light:materialSyncMode"), "noMaterialResponse"))
     if mode not in ("materialGlowTintsLight", "independent"):
         return _all_of(surface, materials.index(shining_black(str(prim.GetPath()), radiance))), control
-    shading = materials.of_surface(prim, surface)
+    shading = materials.of_surface(prim, surface, scopes)
     if mode == "independent":
         reading.warn(prim.GetPath(), "materialSyncMode independent: the camera sees the light's color, too")
         return _shining_in(radiance, shading, materials), control
@@ -70,4 +72,4 @@ def _shining_in(radiance: Vector, shading: Shading, materials: MaterialReader) -
     known = list(materials.materials)
     used, place = np.unique(shading.materials, return_inverse=True)
     indices = [materials.index(replace(known[i], emissive_color=(red, green, blue))) for i in used]
-    return Shading(np.array(indices, np.int64)[place], shading.primvars)
+    return replace(shading, materials=np.array(indices, np.int64)[place])

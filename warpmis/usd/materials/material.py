@@ -18,8 +18,9 @@ from warpmis.usd.materials.shading_network import ShadingNetwork
 from warpmis.usd.materials.subsets import claim, material_subsets
 from warpmis.usd.materials.texture import TextureReader
 from warpmis.usd.reading import PxrError, Reading, one_line
+from warpmis.usd.shapes.instance_primvars import Scopes
 from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead, corner_primvars, primvar_elements
-from warpmis.usd.shapes.surfaces import Shading, Surface
+from warpmis.usd.shapes.surfaces import NO_PLACES, Shading, Surface
 
 GREY = 0.18
 
@@ -63,8 +64,12 @@ class MaterialReader:
         known = self.equals.get(replace(material, path=""))
         return self.index(material) if known is None else known
 
-    def of_surface(self, prim: Any, surface: Surface) -> Shading:
-        """Material of each triangle of a gprim, GeomSubsets of the family materialBind included, and its primvars."""
+    def of_surface(self, prim: Any, surface: Surface, scopes: Scopes) -> Shading:
+        """Material of each triangle of a gprim, GeomSubsets of the family materialBind included, and its primvars.
+
+        Args:
+            scopes: as Placement.scopes.
+        """
         found: list[BoundMaterial] = []
         count = int(surface.faces.max(initial=-1)) + 1 if surface.mesh is None else len(surface.mesh.authored.counts)
         by_face = np.full(count, -1)
@@ -78,22 +83,19 @@ class MaterialReader:
         by_triangle = by_face[surface.faces]
         if (by_triangle < 0).any():
             by_triangle = np.where(by_triangle < 0, len(found), by_triangle)
-            found.append(self.bound(prim) or display_material(prim, surface, self.reading))
+            found.append(self.bound(prim) or display_material(prim, surface, scopes, self.reading))
+        read = [corner_primvars(prim, surface, bound.columns, scopes, self.reading) for bound in found]
+        columns = side_by_side(read)
         index = self.shared_index if prim.IsInstanceProxy() else self.index
-        materials = np.array([index(bound.material) for bound in found], np.int64)
-        return Shading(materials[by_triangle], self._primvars(prim, surface, found, by_triangle))
-
-    def _primvars(
-        self, prim: Any, surface: Surface, found: list[BoundMaterial], by_triangle: NDArray[np.int64]
-    ) -> NDArray[np.float32]:
-        """What each triangle's material reads at its corners, shape (f, 3, p), 0 in the columns beyond its own."""
-        width = max((bound.columns.width for bound in found), default=0)
-        block = np.zeros((len(by_triangle), 3, width), np.float32)
-        for number, bound in enumerate(found):
-            own = by_triangle == number
-            if bound.columns.width and own.any():
-                block[own, :, : bound.columns.width] = corner_primvars(prim, surface, bound.columns, self.reading)[own]
-        return block
+        shifted = [moved(bound.material, own.start) for bound, own in zip(found, columns, strict=True)]
+        materials = np.array([index(material) for material in shifted], np.int64)
+        block = np.zeros((len(by_triangle), 3, max((own.stop for own in columns), default=0)), np.float32)
+        places = np.zeros((len(read[0][1]) if read else 1, block.shape[-1]), np.float32)
+        for number, (corners, of_places) in enumerate(read):
+            rows, own = by_triangle == number, columns[number]
+            block[rows, :, own] = corners[rows]
+            places[:, own] += of_places
+        return Shading(materials[by_triangle], block, places if np.isnan(block).any() else NO_PLACES)
 
     def bound(self, prim: Any, otherwise: str = "displayColor") -> BoundMaterial | None:
         """The material bound to a gprim or GeomSubset, or None, with a warning that names what is used `otherwise`."""
@@ -168,11 +170,27 @@ def _purpose_of(relationship: Any) -> str:
     return words[0] if words else ""
 
 
-def display_material(prim: Any, surface: Surface, reading: Reading) -> BoundMaterial:
+def side_by_side(read: list[tuple[NDArray[np.float32], NDArray[np.float32]]]) -> list[slice]:
+    """The columns of each material of a gprim: all from 0 on, unless several have values of the gprim's places."""
+    widths = [corners.shape[-1] for corners, _ in read]
+    several = sum(bool(np.isnan(corners).any()) for corners, _ in read) > 1
+    starts = np.cumsum([0, *widths[:-1]]) if several else np.zeros(len(widths), np.int64)
+    return [slice(int(start), int(start) + width) for start, width in zip(starts, widths, strict=True)]
+
+
+def moved(material: Material, columns: int) -> Material:
+    """The material whose lookups read so many columns further on."""
+    if columns == 0:
+        return material
+    lookups: dict[str, Any] = {n: replace(one, column=one.column + columns) for n, one in material.lookups.items()}
+    return replace(material, **lookups)
+
+
+def display_material(prim: Any, surface: Surface, scopes: Scopes, reading: Reading) -> BoundMaterial:
     """The Lambertian of a gprim's displayColor and displayOpacity, 0.18 and 1 where they are not authored."""
     columns = PrimvarColumns()
-    color = _display_value(prim, surface, PrimvarRead("displayColor", (GREY, GREY, GREY)), columns, reading)
-    opacity = _display_value(prim, surface, PrimvarRead("displayOpacity", (1.0,)), columns, reading)
+    color = _display_value(prim, surface, PrimvarRead("displayColor", (GREY, GREY, GREY)), columns, scopes, reading)
+    opacity = _display_value(prim, surface, PrimvarRead("displayOpacity", (1.0,)), columns, scopes, reading)
     material = Material(
         diffuse_color=color if isinstance(color, PrimvarLookup) else (color[0], color[1], color[2]),
         opacity=opacity if isinstance(opacity, PrimvarLookup) else opacity[0],
@@ -182,10 +200,10 @@ def display_material(prim: Any, surface: Surface, reading: Reading) -> BoundMate
 
 
 def _display_value(
-    prim: Any, surface: Surface, read: PrimvarRead, columns: PrimvarColumns, reading: Reading
+    prim: Any, surface: Surface, read: PrimvarRead, columns: PrimvarColumns, scopes: Scopes, reading: Reading
 ) -> tuple[float, ...] | PrimvarLookup:
     """A display primvar: one value where all its values are equal, else a lookup of it, clamped with a warning."""
-    values, _ = primvar_elements(prim, surface, read.name, read.width, reading)
+    values = primvar_elements(prim, surface, read.name, read.width, scopes, reading).values
     if not len(values):
         return read.fallback
     if np.array_equal(values, np.broadcast_to(values[0], values.shape), equal_nan=True):

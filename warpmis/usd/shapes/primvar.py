@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import UsdGeom
 
 from warpmis.usd.color_space import linear_color
 from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.instance_primvars import Scopes, instance_values, source_of_primvar
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
 
 
@@ -41,42 +41,72 @@ class PrimvarColumns:
         return self.reads[read]
 
 
-def corner_primvars(prim: Any, surface: Surface, columns: PrimvarColumns, reading: Reading) -> NDArray[np.float32]:
-    """All columns of one material on one gprim, shape (f, 3, width), finite."""
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Values of a primvar on one gprim, shape (n, width), without any where there are none that can be used.
+
+    Attributes:
+        rows: the row of each triangle corner, shape (f, 3) or (1, 1).
+        of_places: whether the rows are the gprim's places instead, as a PointInstancer gives them, shape (k, width).
+    """
+
+    values: FloatArray
+    rows: IntArray = field(default_factory=lambda: np.zeros((1, 1), np.int64))
+    of_places: bool = False
+
+
+def corner_primvars(
+    prim: Any, surface: Surface, columns: PrimvarColumns, scopes: Scopes, reading: Reading
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """All columns of one material on one gprim: at the corners, shape (f, 3, width), and at the places, (k, width).
+
+    In the former a column is NaN that the latter have; in the latter the others are 0.
+    """
     block = np.empty((len(surface.faces), 3, columns.width), np.float32)
+    places = np.zeros((len(scopes[0].instance) if scopes else 1, columns.width), np.float32)
     for read, column in columns.reads.items():
-        block[..., column : column + read.width] = corner_values(prim, surface, read, reading)
-    return block
+        own = slice(column, column + read.width)
+        values, of_places = corner_values(prim, surface, read, scopes, reading)
+        block[..., own] = np.nan if of_places else values
+        if of_places:
+            places[:, own] = values
+    return block, places
 
 
-def corner_values(prim: Any, surface: Surface, read: PrimvarRead, reading: Reading) -> FloatArray:
-    """A primvar at every triangle corner, shape (f, 3, width) or one that broadcasts to it.
+def corner_values(
+    prim: Any, surface: Surface, read: PrimvarRead, scopes: Scopes, reading: Reading
+) -> tuple[FloatArray, bool]:
+    """A primvar at every triangle corner, shape (f, 3, width) or one that broadcasts to it, or, where it is told so, at
+    every place, shape (k, width).
 
     What is missing or broken is the fallback, with a warning; a value that is not finite silently so.
     """
     fallback = np.array(read.fallback)
     if not read.name:
-        return fallback
-    values, elements = primvar_elements(prim, surface, read.name, read.width, reading)
-    if not len(values):
+        return fallback, False
+    found = primvar_elements(prim, surface, read.name, read.width, scopes, reading)
+    if not len(found.values):
         shown = ", ".join(f"{number:g}" for number in read.fallback)
         reading.warn(prim.GetPath(), f"its material reads primvars:{read.name}, which it lacks; {shown} is used")
-        return fallback
-    finite = np.abs(values) < np.finfo(np.float32).max
-    return np.where(finite, values, fallback)[elements]
+        return fallback, False
+    finite = np.abs(found.values) < np.finfo(np.float32).max
+    values = np.where(finite, found.values, fallback)
+    return (values, True) if found.of_places else (values[found.rows], False)
 
 
-def primvar_elements(
-    prim: Any, surface: Surface, name: str, width: int, reading: Reading
-) -> tuple[FloatArray, IntArray]:
-    """Values, shape (n, width), and the row of each triangle corner, shape (f, 3) or (1, 1); no values without any.
+def primvar_elements(prim: Any, surface: Surface, name: str, width: int, scopes: Scopes, reading: Reading) -> Elements:
+    """The primvar's values. Constant primvars are inherited, and instances have those of their instancers.
 
-    Constant primvars are inherited. Values of the wrong type or number are left out with a warning.
+    Values of the wrong type or number are left out with a warning.
     """
-    nothing = np.empty((0, width)), np.zeros((1, 1), np.int64)
-    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-    if not primvar or not primvar.HasValue():
+    nothing = Elements(np.empty((0, width)))
+    source = source_of_primvar(prim, name, scopes)
+    if source is None:
         return nothing
+    if source.scope is not None:
+        values = instance_values(source, width, reading)
+        return Elements(values, of_places=len(values) > 1)
+    primvar = source.primvar
     values = np.asarray(reading.value(primvar.GetAttr()))
     if values.dtype.kind not in "fiu" or values.size % width or (values.ndim == 2 and values.shape[1] != width):
         reading.warn(primvar.GetAttr().GetPath(), "left out: it is of the wrong type")
@@ -87,13 +117,13 @@ def primvar_elements(
         message = f"primvars:{name} is left out: its indices lie outside the {len(values)} values"
         reading.warn(prim.GetPath(), message)
         return nothing
-    return _at_corners(prim, surface, name, values[indices], str(primvar.GetInterpolation()), reading)
+    return Elements(*_at_corners(prim, surface, name, values[indices], str(primvar.GetInterpolation()), reading))
 
 
 def _at_corners(
     prim: Any, surface: Surface, name: str, values: FloatArray, interpolation: str, reading: Reading
 ) -> tuple[FloatArray, IntArray]:
-    """As `primvar_elements`, of values without indices. A single value holds for the whole prim."""
+    """Values of a primvar without indices, and the row of each corner. A single value holds for the whole prim."""
     constant = np.zeros((1, 1), np.int64)
     if len(values) <= 1:
         return values, constant

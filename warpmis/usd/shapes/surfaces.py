@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -61,17 +61,23 @@ def reversed_surface(surface: Surface) -> Surface:
     )
 
 
+NO_PLACES = np.zeros((0, 0), np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class Shading:
     """What a surface's triangles are made of.
 
     Attributes:
         materials: index into Scene.materials, shape (f,).
-        primvars: what each triangle's material reads at its corners, shape (f, 3, p) float32.
+        primvars: what each triangle's material reads at its corners, shape (f, 3, p) float32; NaN where it reads what
+            the place has.
+        places: what the surface's places have of these columns, shape (k, p); NO_PLACES where no column is NaN.
     """
 
     materials: NDArray[np.int64]
     primvars: NDArray[np.float32]
+    places: NDArray[np.float32] = field(default_factory=lambda: NO_PLACES)
 
 
 def placed(
@@ -90,7 +96,8 @@ def placed(
     starts = range(0, len(matrices), batch)
     parts = []
     for rows in (slice(start, start + batch) for start in starts):
-        parts.append(_placed_batch(surface, shading, matrices[rows], prims[rows], copies[rows]))
+        own = replace(shading, places=shading.places[rows]) if shading.places.size else shading
+        parts.append(_placed_batch(surface, own, matrices[rows], prims[rows], copies[rows]))
     return joined([part for part, _ in parts]), np.concatenate([inside for _, inside in parts])
 
 
@@ -113,7 +120,7 @@ def _placed_batch(
         normal_indices=normal_indices.astype(np.int32),
         materials=np.tile(shading.materials, count)[keep].astype(np.int32),
         prims=np.repeat(prims[inside], len(surface.triangles))[keep].astype(np.int32),
-        primvars=_wound(shading.primvars, is_mirrored(matrices))[keep],
+        primvars=_placed_primvars(shading, inside, is_mirrored(matrices))[keep],
         faces=np.tile(surface.faces, count)[keep].astype(np.int32),
         copies=np.repeat(copies[inside], len(surface.triangles))[keep].astype(np.int32),
     ), inside
@@ -147,6 +154,15 @@ def _wound(rows: NDArray[np.float32], mirrored: NDArray[np.bool_]) -> NDArray[np
     """Corner values of all instances, shape (k * f, 3, p): a mirrored one's corners stand the other way round."""
     wound = np.where(mirrored[:, None, None, None], rows[:, ::-1], rows)
     return wound.reshape(len(mirrored) * len(rows), *rows.shape[1:])
+
+
+def _placed_primvars(shading: Shading, inside: NDArray[np.bool_], mirrored: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Corner values of all instances, with the places' own where these count."""
+    primvars = _wound(shading.primvars, mirrored)
+    if not shading.places.size:
+        return primvars
+    of_places = np.repeat(shading.places[inside], len(shading.primvars), axis=0)[:, None]
+    return np.where(np.isnan(primvars), of_places, primvars)
 
 
 def _placed_topology(surface: Surface, matrices: FloatArray) -> tuple[IntArray, NDArray[np.float32], IntArray]:
