@@ -344,7 +344,7 @@ def test_instances_glow_in_their_colors_and_light_what_is_beside_them():
 
 def test_a_thousand_colors_take_a_row_each_not_a_prototype():
     count = 1000
-    colors = [tuple(np.round(row, 3)) for row in np.random.default_rng(0).random((count, 3)).tolist()]
+    colors = [tuple(row) for row in np.random.default_rng(0).random((count, 3)).round(3).tolist()]
     body = f"int[] protoIndices = {[0] * count}\npoint3f[] positions = {[(2 * i, 0, 0) for i in range(count)]}\n"
     scene = reading(instancer(body + color(colors, "vertex")), 0)
     (prototype,) = scene.prototypes
