@@ -11,6 +11,7 @@ import warpmis
 from warpmis.config import STRATEGIES
 from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
+from warpmis.learn.allocation import MIXTURE, NEXT_EVENT
 from warpmis.learn.schedule import Round
 from warpmis.rendering import integrator
 from warpmis.scene.features import detect
@@ -80,9 +81,8 @@ def test_bound_leaves_out_pixels_that_went_over_to_next_event_estimation() -> No
     config = warpmis.RenderConfig(method="auto", spp=64, max_depth=2)
     scene = scenes.room(12)
     features = detect(scene).with_strategies(config.strategies, config.how.statistics)
-    shares = np.full((144, 2), 0.5, np.float32)
-    shares[72:] = 0.0
-    run = integrator.Integrator(upload(scene, "cpu"), features, config, shares)
+    run = integrator.Integrator(upload(scene, "cpu"), features, config, np.full((144, 2), 0.5, np.float32))
+    run.allocation.estimators.assign(np.repeat([MIXTURE, NEXT_EVENT], 72).astype(np.uint8))
     run.trace(Round(0, 64, learn=False), lambda samples: None)
     film = download_film(run.film, 12, 12)
     bound = run.certificate(film.variance(), film.image())["excess_variance_bound"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from warpmis.learn.allocation import Allocation
 from warpmis.learn.candidates import make_candidates
 from warpmis.learn.solver import Launch, Problem
 
@@ -34,8 +35,9 @@ class BestCandidate:
     def buffers(self) -> list[wp.array]:
         return [self.efficiency]
 
-    def step(self, moments: wp.array, allocation: wp.array, launch: Launch) -> None:
-        launch(self.kernel, [moments, 0.0, allocation, self.efficiency])
+    def step(self, moments: wp.array, allocation: Allocation, launch: Launch) -> None:
+        outputs = [allocation.shares, allocation.estimators, self.efficiency]
+        launch(self.kernel, [moments, 0.0, *outputs])
         for _ in range(self.cost_steps):
             variance, cost = self.efficiency.numpy().T
             lit = np.isfinite(variance) & (variance > 0.0)
@@ -43,4 +45,4 @@ class BestCandidate:
                 return
             trusted = variance[lit] <= np.quantile(variance[lit], TRUSTED_QUANTILE)
             cost_weight = float(variance[lit][trusted].sum() / cost[lit][trusted].sum())
-            launch(self.kernel, [moments, cost_weight, allocation, self.efficiency])
+            launch(self.kernel, [moments, cost_weight, *outputs])

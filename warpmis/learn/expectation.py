@@ -16,26 +16,26 @@ from warpmis.kernels.moments import Layout
 
 @kernel_factory
 def make_expectation(layout: Layout) -> KernelFunction:
-    """Solver kernel: (first, moments, allocation, min_share) -> allocation in place."""
+    """Solver kernel: (first cell, moments, shares, min_share) -> shares in place."""
     count = layout.strategies
     vec_k = layout.vec
     vec_s = wp.types.vector(length=count, dtype=wp.float32)
     posterior = layout.offset("posterior")
 
-    def expectation(first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), min_share: float):
-        pixel = first + wp.tid()
-        sums = moments[pixel]
+    def expectation(first: int, moments: wp.array(dtype=vec_k), shares: wp.array(dtype=vec_s), min_share: float):
+        cell = first + wp.tid()
+        sums = moments[cell]
         total = wp.float64(0.0)
         for s in range(wp.static(count)):
             total += sums[wp.static(posterior) + s]
-        # No light was found, or it is out of range: nothing is known, the allocation stays.
+        # No light was found, or it is out of range: there is nothing to learn from, and the shares stay.
         if not (total > wp.float64(0.0)) or not wp.isfinite(total):
             return
-        # A part of the samples is for all strategies alike, so that each stays explored.
-        left = 1.0 - wp.static(float(count)) * min_share
-        shares = vec_s()
+        # Every strategy keeps a part of the samples, so that it stays explored.
+        rest = 1.0 - wp.static(float(count)) * min_share
+        result = vec_s()
         for s in range(wp.static(count)):
-            shares[s] = min_share + left * float(sums[wp.static(posterior) + s] / total)
-        allocation[pixel] = shares
+            result[s] = min_share + rest * float(sums[wp.static(posterior) + s] / total)
+        shares[cell] = result
 
     return expectation

@@ -8,6 +8,7 @@ import warp as wp
 
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
+from warpmis.learn.allocation import Allocation
 from warpmis.learn.neighbours import Neighbours
 from warpmis.learn.solver import Launch, Problem
 from warpmis.learn.solvers import SOLVERS
@@ -73,18 +74,18 @@ class Learner:
         elif not self.method.keeps:
             self.moments.zero_()
 
-    def step(self, allocation: wp.array, film: FilmView, launch: Launch) -> None:
-        """Replace the cells' allocation by the next one; `film` holds the samples of the moments."""
+    def step(self, allocation: Allocation, film: FilmView, launch: Launch) -> None:
+        """Replace the cells' decisions by the next ones; `film` holds the samples of the moments."""
         assert self.solver is not None
         moments = self.moments
         if self.neighbours:
             moments = self.neighbours.pool(self.moments, film, launch)
         self.solver.step(moments, allocation, launch)
 
-    def round_to_samples(self, allocation: wp.array, samples: int, launch: Launch) -> None:
+    def round_to_samples(self, allocation: Allocation, samples: int, launch: Launch) -> None:
         """Make the shares whole numbers of samples, for a round of so many, where that is worth it."""
         if self.problem.stratified and rounds_well(samples, self.count):
-            launch(self.whole_samples, [allocation, samples, self.problem.min_share])
+            launch(self.whole_samples, [allocation.shares, samples, self.problem.min_share])
 
 
 def allocate_moments(layout: Layout, cells: int, device: str) -> wp.array:

@@ -1,4 +1,4 @@
-"""One Newton step on the second moment of each pixel, for any number of strategies.
+"""One Newton step on the second moment of each cell, for any number of strategies.
 
 With the last share eliminated, a_S = 1 - sum of the others, and r_s = q_s - q_S:
 
@@ -26,7 +26,7 @@ LEAST = 0.01
 
 @kernel_factory
 def make_newton_seed(layout: Layout) -> KernelFunction:
-    """Solver kernel for two strategies or more: (first, moments, allocation, low, high) -> allocation in place."""
+    """Solver kernel for two strategies or more: (first cell, moments, shares, low, high) -> shares in place."""
     count = layout.strategies
     unknowns = count - 1
     vec_s = wp.types.vector(length=count, dtype=wp.float32)
@@ -73,16 +73,14 @@ def make_newton_seed(layout: Layout) -> KernelFunction:
         a[wp.static(count - 1)] = rest
         return a
 
-    def newton_seed(
-        first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), low: float, high: float
-    ):
-        pixel = first + wp.tid()
-        sums = moments[pixel]
-        a = allocation[pixel]
+    def newton_seed(first: int, moments: wp.array(dtype=vec_k), shares: wp.array(dtype=vec_s), low: float, high: float):
+        cell = first + wp.tid()
+        sums = moments[cell]
+        a = shares[cell]
         second_moment = wp.float64(0.0)
         for s in range(wp.static(count)):
             second_moment += wp.float64(a[s]) * sums[s]
-        # No light was found, or it is out of range: nothing is known, the allocation stays.
+        # No light was found, or it is out of range: there is nothing to learn from, and the shares stay.
         if not (second_moment > wp.float64(0.0)) or not wp.isfinite(second_moment):
             return
         sums = sums / second_moment  # so that no product overflows or vanishes
@@ -106,6 +104,6 @@ def make_newton_seed(layout: Layout) -> KernelFunction:
             return
         for s in range(wp.static(unknowns)):
             a[s] = a[s] + wp.clamp(float(step[s]), -2.0, 2.0)
-        allocation[pixel] = clamped(a, low, high)
+        shares[cell] = clamped(a, low, high)
 
     return newton_seed

@@ -19,18 +19,18 @@ FLAT = 1e-12
 
 @kernel_factory
 def make_newton_share(layout: Layout) -> KernelFunction:
-    """Solver kernel for two strategies: (first, moments, allocation, low, high) -> allocation in place."""
+    """Solver kernel for two strategies: (first cell, moments, shares, low, high) -> shares in place."""
     vec_k = layout.vec
     vec_s = wp.types.vector(length=2, dtype=wp.float32)
 
     def newton_share(
-        first: int, moments: wp.array(dtype=vec_k), allocation: wp.array(dtype=vec_s), low: float, high: float
+        first: int, moments: wp.array(dtype=vec_k), shares: wp.array(dtype=vec_s), low: float, high: float
     ):
-        pixel = first + wp.tid()
-        sums = moments[pixel]
-        a = allocation[pixel]
+        cell = first + wp.tid()
+        sums = moments[cell]
+        a = shares[cell]
         second_moment = wp.float64(a[0]) * sums[0] + wp.float64(a[1]) * sums[1]
-        # No light was found, or it is out of range: nothing is known, the allocation stays.
+        # No light was found, or it is out of range: there is nothing to learn from, and the shares stay.
         if not (second_moment > wp.float64(0.0)) or not wp.isfinite(second_moment):
             return
         # Divided first, so that no product overflows or vanishes.
@@ -40,6 +40,6 @@ def make_newton_share(layout: Layout) -> KernelFunction:
             return
         share = wp.float64(a[0]) + slope / (wp.float64(2.0) * curvature)
         clamped = wp.clamp(float(share), low, high)
-        allocation[pixel] = vec_s(clamped, 1.0 - clamped)
+        shares[cell] = vec_s(clamped, 1.0 - clamped)
 
     return newton_share

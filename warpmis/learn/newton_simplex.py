@@ -21,14 +21,14 @@ import warp as wp
 from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.kernels.moments import Layout
 
-# Share moved by a pair at most this often for each strategy, and until the gain is below GAIN of the second moment.
+# Share is moved between a pair at most this often for each strategy, until the gain is below GAIN of the second moment.
 SWEEPS = 24
 GAIN = 1e-9
 
 
 @kernel_factory
 def make_newton_simplex(layout: Layout) -> KernelFunction:
-    """Solver kernel: (first, relative moments, allocation, min_share) -> allocation in place."""
+    """Solver kernel: (first cell, relative moments, shares, min_share) -> shares in place."""
     count = layout.strategies
     vec_r = layout.relative_vec
     vec_s = wp.types.vector(length=count, dtype=wp.float32)
@@ -38,52 +38,52 @@ def make_newton_simplex(layout: Layout) -> KernelFunction:
     cost = layout.offset("cost")
 
     @wp.func
-    def second_moments(known: vec_r) -> mat_d:
+    def second_moments(m: vec_r) -> mat_d:
         """h, from the packed upper triangle."""
         h = mat_d()
         for s in range(wp.static(count)):
             for t in range(wp.static(count)):
                 if wp.static(t >= s):
-                    value = wp.float64(known[wp.static(count + s * count - s * (s - 1) // 2 + t - s)])
+                    value = wp.float64(m[wp.static(count + s * count - s * (s - 1) // 2 + t - s)])
                     h[s, t] = value
                     h[t, s] = value
         return h
 
     @wp.func
-    def weight_of_cost(known: vec_r, descent: vec_d, a: vec_d) -> wp.float64:
+    def cost_weight_of(m: vec_r, descent: vec_d, a: vec_d) -> wp.float64:
         """V / c.a at the present allocation; with descent = 3 m - 2 h a the model is 3 M2 - a.(descent + 3 m) / 2."""
-        spent = wp.float64(0.0)
-        second = wp.float64(3.0) * wp.float64(known[wp.static(mean + 1)])
+        cell_cost = wp.float64(0.0)
+        second = wp.float64(3.0) * wp.float64(m[wp.static(mean + 1)])
         for s in range(wp.static(count)):
-            spent += a[s] * wp.float64(known[wp.static(cost) + s])
-            second -= wp.float64(0.5) * a[s] * (descent[s] + wp.float64(3.0) * wp.float64(known[s]))
-        y = wp.float64(known[wp.static(mean)])
-        return wp.max(second - y * y, wp.float64(0.0)) / wp.max(spent, wp.float64(1.0))
+            cell_cost += a[s] * wp.float64(m[wp.static(cost) + s])
+            second -= wp.float64(0.5) * a[s] * (descent[s] + wp.float64(3.0) * wp.float64(m[s]))
+        y = wp.float64(m[wp.static(mean)])
+        return wp.max(second - y * y, wp.float64(0.0)) / wp.max(cell_cost, wp.float64(1.0))
 
     def newton_simplex(
         first: int,
         moments: wp.array(dtype=vec_r),
-        allocation: wp.array(dtype=vec_s),
+        shares: wp.array(dtype=vec_s),
         min_share: float,
     ):
-        pixel = first + wp.tid()
-        known = moments[pixel]
+        cell = first + wp.tid()
+        m = moments[cell]
         scale = float(0.0)
         for s in range(wp.static(count)):
-            scale = wp.max(scale, known[s])
-        # No light was found, or it is out of range: nothing is known, the allocation stays.
-        if not (scale > 0.0) or not wp.isfinite(known):
+            scale = wp.max(scale, m[s])
+        # No light was found, or it is out of range: there is nothing to learn from, and the shares stay.
+        if not (scale > 0.0) or not wp.isfinite(m):
             return
         bound = wp.float64(min_share)
-        h = second_moments(known)
-        a = vec_d(allocation[pixel])
+        h = second_moments(m)
+        a = vec_d(shares[cell])
         descent = wp.float64(-2.0) * (h * a)
         for s in range(wp.static(count)):
-            descent[s] = descent[s] + wp.float64(3.0) * wp.float64(known[s])
+            descent[s] = descent[s] + wp.float64(3.0) * wp.float64(m[s])
         if wp.static(cost >= 0):
-            cost_weight = weight_of_cost(known, descent, a)
+            cost_weight = cost_weight_of(m, descent, a)
             for s in range(wp.static(count)):
-                descent[s] = descent[s] - cost_weight * wp.float64(known[wp.static(cost) + s])
+                descent[s] = descent[s] - cost_weight * wp.float64(m[wp.static(cost) + s])
         for _pair in range(wp.static(SWEEPS * count)):
             up = int(0)
             for s in range(wp.static(count)):
@@ -111,9 +111,9 @@ def make_newton_simplex(layout: Layout) -> KernelFunction:
             a[up] = a[up] + moved
             a[down] = a[down] - moved
             descent = descent - wp.float64(2.0) * moved * (h[up] - h[down])
-        shares = vec_s()
+        result = vec_s()
         for s in range(wp.static(count)):
-            shares[s] = float(a[s])
-        allocation[pixel] = shares
+            result[s] = float(a[s])
+        shares[cell] = result
 
     return newton_simplex

@@ -1,9 +1,9 @@
-"""Moments relative to a pixel's brightness, pooled over its neighbours: what one pixel has seen, the next need not.
+"""Moments relative to a pixel's brightness, pooled over its neighbours, which have seen much the same.
 
 Each pixel's moments are divided by its samples and by the power of its mean that makes them unitless, then averaged
-over a square of pixels, along the rows first, then along the columns. A neighbour counts by how alike its first hits
+over a square of pixels, along the rows first, then along the columns. A neighbour counts by how similar its first hits
 are, in normal, albedo and depth, so that the allocation does not bleed over edges. The mean of the whole picture joins
-in with the weight of PRIOR samples: where little is known, what holds elsewhere is likelier than what few samples say.
+in with the weight of PRIOR samples: what holds elsewhere is likelier than what a few samples say.
 
 Reference: Schied et al. (2017), "Spatiotemporal Variance-Guided Filtering", for the edge-stopping weights; Pham and van
 Vliet (2005), "Separable Bilateral Filtering for Fast Video Preprocessing", for the two passes.
@@ -21,14 +21,14 @@ NORMAL_SPREAD = 0.1
 ALBEDO_SPREAD = 0.02
 DEPTH_SPREAD = 0.1
 
-# The mean of a pixel is that of the 3 x 3 about it, and at least this share of the whole picture's.
+# A pixel's brightness is the mean of the 3 x 3 about it, plus this share of the whole picture's.
 FLOOR = 1e-3
 
 # Samples that the whole picture's mean counts for.
 PRIOR = 20.0
 
 # A neighbour that counts for less is left out.
-LEAST_ALIKE = 1e-3
+LEAST_SIMILARITY = 1e-3
 
 
 @wp.struct
@@ -54,7 +54,7 @@ def guide_of(film: FilmView, pixel: int) -> Guide:
 
 
 @wp.func
-def alike(a: Guide, b: Guide) -> float:
+def similarity(a: Guide, b: Guide) -> float:
     if a.hit != b.hit:
         return 0.0
     normal = wp.length_sq(a.normal - b.normal) / wp.static(NORMAL_SPREAD)
@@ -65,7 +65,7 @@ def alike(a: Guide, b: Guide) -> float:
 
 @kernel_factory
 def make_relative(layout: Layout) -> KernelFunction:
-    """Kernel: (first, moments, film, width, height, floor) -> each pixel's relative moments, weight and guide.
+    """Kernel: (first pixel, moments, film, width, height, floor) -> each pixel's relative moments, weight and guide.
 
     The weight is 1, or 0 where nothing was sampled.
     """
@@ -106,14 +106,14 @@ def make_relative(layout: Layout) -> KernelFunction:
         part = vec_r()
         if film.accepted[pixel] > 0:
             weights[pixel] = 1.0
-            of_one = wp.float64(1.0) / wp.float64(film.accepted[pixel])
+            per_sample = wp.float64(1.0) / wp.float64(film.accepted[pixel])
             for k in range(wp.static(size)):
                 if wp.static(powers[k] == 0):
-                    part[k] = float(moments[pixel][k] * of_one)
+                    part[k] = float(moments[pixel][k] * per_sample)
                 if wp.static(powers[k] == 1):
-                    part[k] = float(moments[pixel][k] * of_one * scale)
+                    part[k] = float(moments[pixel][k] * per_sample * scale)
                 if wp.static(powers[k] == 2):
-                    part[k] = float(moments[pixel][k] * of_one * scale * scale)
+                    part[k] = float(moments[pixel][k] * per_sample * scale * scale)
         own[pixel] = part
         guides[pixel] = guide_of(film, pixel)
 
@@ -182,8 +182,8 @@ def make_pool(layout: Layout) -> KernelFunction:
             other = pixel + step * stride
             w = weights[other]
             if step != 0 and w > 0.0:
-                w = w * alike(center, guides[other])
-            if w > wp.static(LEAST_ALIKE):
+                w = w * similarity(center, guides[other])
+            if w > wp.static(LEAST_SIMILARITY):
                 weight += w
                 total += means[other] * w
         if weight > 0.0:

@@ -7,12 +7,13 @@ rows of numbers, one a cell, and treats each row on its own.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import warp as wp
 
 from warpmis.kernels.moments import Layout
+from warpmis.learn.allocation import Allocation
 from warpmis.methods import Method
 
 # Runs a kernel over all cells: its first argument is the first cell of a launch, the list holds the others.
@@ -54,20 +55,20 @@ class Solver(Protocol):
     def buffers(self) -> list[wp.array]:
         """What the solver keeps on the device."""
 
-    def step(self, moments: wp.array, allocation: wp.array, launch: Launch) -> None:
-        """Replace each cell's allocation, shape (cells, S), by the next one.
+    def step(self, moments: wp.array, allocation: Allocation, launch: Launch) -> None:
+        """Replace each cell's decision by the next one.
 
-        moments: shape (cells, K): sums in float64, or relative to the brightness in float32 for the solvers that are
-        built for these (learner.py: RELATIVE).
+        moments: shape (cells, K). Sums in float64; or means relative to the brightness, in float32, for the methods
+        that pool them (Method.pool_radius).
         """
 
 
 @dataclass(frozen=True)
 class KernelSolver:
-    """A solver that is a single kernel: (first cell, moments, allocation, *bounds) -> allocation in place."""
+    """A solver of shares that is a single kernel: (first cell, moments, shares, *bounds) -> shares in place."""
 
     kernel: wp.Kernel
-    bounds: tuple[float, ...] = field(default=())
+    bounds: tuple[float, ...]
 
     def kernels(self) -> list[wp.Kernel]:
         return [self.kernel]
@@ -75,5 +76,5 @@ class KernelSolver:
     def buffers(self) -> list[wp.array]:
         return []
 
-    def step(self, moments: wp.array, allocation: wp.array, launch: Launch) -> None:
-        launch(self.kernel, [moments, allocation, *self.bounds])
+    def step(self, moments: wp.array, allocation: Allocation, launch: Launch) -> None:
+        launch(self.kernel, [moments, allocation.shares, *self.bounds])

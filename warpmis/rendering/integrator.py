@@ -25,6 +25,7 @@ from warpmis.film.film import Film, spread_out
 from warpmis.film.metrics import squared_scale
 from warpmis.kernels.identify import make_identify
 from warpmis.kernels.trace import make_trace
+from warpmis.learn.allocation import MIXTURE, NEXT_EVENT, Allocation
 from warpmis.learn.certificate import excess_variance_bound
 from warpmis.learn.learner import Learner
 from warpmis.learn.schedule import Round, schedule
@@ -47,7 +48,7 @@ SMALLEST = 16
 
 
 def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
-    """The shares before the first round, shape (H * W, S); all 0 where learning begins with next-event estimation."""
+    """The shares before the first round, shape (H * W, S)."""
     count = len(config.strategies)
     shares: NDArray[np.float32] = np.full(count, 1.0 / count, dtype=np.float32)
     if config.method == "fixed":
@@ -58,17 +59,9 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
                 f"the allocation map is {shares.shape[1]} x {shares.shape[0]} pixels, the image {width} x {height}; "
                 "make them equal"
             )
-    elif config.how.next_event:
-        shares = np.zeros(count, dtype=np.float32)
     elif config.learn.initial_allocation is not None:
         shares = np.asarray(config.learn.initial_allocation, dtype=np.float32)
     return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
-
-
-def without_shares(shares: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which pixels go by next-event estimation, of shares of shape (pixels, S)."""
-    left: NDArray[np.bool_] = shares.sum(axis=1) == 0.0
-    return left
 
 
 def available_cpus() -> int:
@@ -141,14 +134,13 @@ class Integrator:
         self._allocate()
 
     def _allocate(self) -> None:
-        device = self.config.device
-        vec_s = wp.types.vector(length=max(self.count, 1), dtype=wp.float32)
+        device, next_event = self.config.device, self.config.how.next_event
         shares = self.start_allocation if self.count else np.zeros((1, 1), dtype=np.float32)
-        self.allocation = wp.array(shares, dtype=vec_s, device=device)
+        self.allocation = Allocation.of(shares, next_event, device)
         # What is learned: of the cells, from their films.
         self.learned = self.allocation
         if self.stride > 1:
-            self.learned = wp.array(shares[: self.learner.cells], dtype=vec_s, device=device)
+            self.learned = Allocation.of(shares[: self.learner.cells], next_event, device)
         self.learn_film = allocate_film(self.learner.cells if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
         # For pixels without a mixture: no shares, and no moments.
@@ -159,16 +151,16 @@ class Integrator:
         device = self.config.device
         everyone = wp.empty(0, dtype=wp.uint8, device=device)
         if learn:
-            return [Pass(self.learn_kernel, everyone, 0, self.learned, self.learn_film, self.learner.moments)]
-        shared = Pass(self.kernel, everyone, 0, self.allocation, self.film, self.learner.plain_moments)
-        if self.left_kernel is self.kernel:
-            return [shared]
-        left = without_shares(self.allocation.numpy())
-        apart = Pass(self.left_kernel, everyone, 1, self.nothing[0], self.film, self.nothing[1])
-        if left.all() or not left.any():
-            return [apart if left.all() else shared]
-        which = wp.array(left.astype(np.uint8), dtype=wp.uint8, device=device)
-        return [replace(one, estimators=which) for one in (shared, apart)]
+            return [Pass(self.learn_kernel, everyone, 0, self.learned.shares, self.learn_film, self.learner.moments)]
+        plain = self.learner.plain_moments
+        mixture = Pass(self.kernel, everyone, MIXTURE, self.allocation.shares, self.film, plain)
+        next_event = Pass(self.left_kernel, everyone, NEXT_EVENT, self.nothing[0], self.film, self.nothing[1])
+        is_next_event = self.allocation.is_next_event()
+        if not is_next_event.any():
+            return [mixture]
+        if is_next_event.all():
+            return [next_event]
+        return [replace(one, estimators=self.allocation.estimators) for one in (mixture, next_event)]
 
     def _taken(self, part: Round, samples: range) -> NDArray[np.int64]:
         """How many of the samples each pixel takes; each cell, where it learns."""
@@ -294,14 +286,20 @@ class Integrator:
         samples = lattice_length(part.following) if part.following else 0
         self.learner.round_to_samples(self.learned, samples, self._launch_solver)
         if self.stride > 1:
-            shares = self._learned_map()
-            # Those of the pilot go on with what they have begun with: their own samples must not decide.
-            shares[:: self.stride, :: self.stride] = 0.0
-            self.allocation.assign(shares.reshape(self.pixels, -1))
+            self._spread()
 
-    def _learned_map(self) -> NDArray[np.float32]:
-        """What each pixel's cell has learned, shape (H, W, S)."""
-        cells = self.learned.numpy().reshape(self.learner.height, self.learner.width, -1)
+    def _spread(self) -> None:
+        """Give all pixels what their cells have learned. Those of the pilot go on with what they have begun with: their
+        own samples must not decide."""
+        shares = self._of_pixels(self.learned.shares.numpy())
+        self.allocation.shares.assign(shares.reshape(self.pixels, -1))
+        estimators = self._of_pixels(self.learned.estimators.numpy())
+        estimators[:: self.stride, :: self.stride] = NEXT_EVENT
+        self.allocation.estimators.assign(estimators.reshape(-1))
+
+    def _of_pixels(self, of_cells: NDArray[Any]) -> NDArray[Any]:
+        """An array over the pixels, shape (H, W, ...), from one over the cells, shape (cells, ...)."""
+        cells = of_cells.reshape(self.learner.height, self.learner.width, *of_cells.shape[1:])
         pixels = cells.repeat(self.stride, axis=0).repeat(self.stride, axis=1)
         return np.ascontiguousarray(pixels[: self.height, : self.width])
 
@@ -335,13 +333,15 @@ class Integrator:
 
         Of a pilot's pixels, which go on with next-event estimation, those that their neighbours in the cell have.
         """
-        shares = self._learned_map().reshape(self.pixels, -1) if self.count else self.start_allocation
-        shares = np.where(without_shares(shares)[:, None], np.float32(1.0 / shares.shape[1]), shares)
-        return shares.reshape(self.height, self.width, -1)
+        if not self.count:
+            return self.start_allocation.reshape(self.height, self.width, -1)
+        shares = self._of_pixels(self.learned.shares.numpy())
+        shares[self._of_pixels(self.learned.is_next_event())] = np.float32(1.0 / self.count)
+        return shares
 
     def next_event_share(self) -> float:
-        """Share of the pixels that have left the mixture for next-event estimation."""
-        return float(without_shares(self.allocation.numpy()).mean())
+        """Share of the pixels that have next-event estimation: all of them in a render without strategies."""
+        return float(self.allocation.is_next_event().mean()) if self.count else 1.0
 
     def certificate(self, variance: NDArray[np.float32], image: NDArray[np.float32]) -> dict[str, float]:
         """How much of the relative variance other shares could have saved at most, from 0 to 1.
@@ -352,8 +352,8 @@ class Integrator:
         samples = self.film.accepted.numpy()
         if self.learner.layout.size == 0 or not samples.any():
             return {}
-        shares = self.allocation.numpy()
-        shared = ~without_shares(shares).reshape(variance.shape)
+        shares = self.allocation.shares.numpy()
+        shared = ~self.allocation.is_next_event().reshape(variance.shape)
         if not shared.any():
             return {}
         excess = excess_variance_bound(self.learner.plain_moments.numpy(), shares, samples)
@@ -373,6 +373,7 @@ class Integrator:
 
     def bytes(self) -> dict[str, Any]:
         """Device memory of the scene by what it is for, and of the picture: films, shares, and what learning keeps."""
-        shares = [self.allocation] if self.stride == 1 else [self.allocation, self.learned]
-        picture = array_bytes([*self.films, *shares, *self.learner.buffers])
+        allocations = [self.allocation] if self.stride == 1 else [self.allocation, self.learned]
+        decisions = [array for one in allocations for array in (one.shares, one.estimators)]
+        picture = array_bytes([*self.films, *decisions, *self.learner.buffers])
         return {"scene": scene_bytes(self.scene), "picture": picture}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from toys import Toy, bad_moments, filled, perfect, smooth
 
 from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST, Layout
+from warpmis.learn.allocation import Allocation
 from warpmis.learn.candidates import LIGHT_COST, make_candidates
 from warpmis.methods import METHODS
 
@@ -24,21 +25,23 @@ HOPELESS = 1e6
 
 @dataclass
 class Chosen:
-    """The share of the first strategy and of the second, and what was foretold of them."""
+    """The share of the first strategy and of the second, whether next-event estimation was better, and the variance and
+    cost that were predicted."""
 
     shares: np.ndarray
+    is_next_event: bool
     variance: float
     cost: float
 
 
 def choose(layout: Layout, moments: np.ndarray, *, stratified: bool = True, weight: float = 0.0) -> Chosen:
-    vec_s = wp.types.vector(length=2, dtype=wp.float32)
-    shares = wp.array(np.float32([[0.35, 0.65]]), dtype=vec_s, device="cpu")
+    allocation = Allocation.of(np.float32([[0.35, 0.65]]), "pair" in layout.statistics, "cpu")
     known = wp.array(moments[None], dtype=layout.relative_vec, device="cpu")
     efficiency = wp.zeros(1, dtype=wp.vec2, device="cpu")
-    inputs = [0, known, weight, shares, efficiency]
+    inputs = [0, known, weight, allocation.shares, allocation.estimators, efficiency]
     wp.launch(make_candidates(layout, stratified), dim=1, inputs=inputs, device="cpu")
-    return Chosen(shares.numpy()[0].astype(np.float64), *efficiency.numpy()[0])
+    shares = allocation.shares.numpy()[0].astype(np.float64)
+    return Chosen(shares, bool(allocation.is_next_event()[0]), *efficiency.numpy()[0])
 
 
 def known_of(toy: Toy, layout: Layout = MIXTURE, **more: np.ndarray) -> np.ndarray:
@@ -140,13 +143,14 @@ def test_predicted_variance_and_cost_from_pairs(stratified: bool) -> None:
         chosen = choose(PAIRS, moments, stratified=stratified)
         expected = toy.stratified_variance if stratified else toy.variance
         assert chosen.shares == pytest.approx([share, 1.0 - share], abs=1e-6)
+        assert not chosen.is_next_event
         assert chosen.variance == pytest.approx(expected((share, 1.0 - share)), rel=1e-5)
         assert chosen.cost == pytest.approx(cost_of_mixture(share))
 
 
 def test_predicted_variance_and_cost_of_next_event_estimation() -> None:
     chosen = choose(PAIRS, only(known_of_pairs(), PAIRS, None))
-    assert (chosen.shares == 0.0).all()
+    assert chosen.is_next_event
     assert chosen.variance == pytest.approx(next_event_variance(), rel=1e-5)
     assert chosen.cost == pytest.approx(COST_OF_PAIR)
 
@@ -159,23 +163,23 @@ def test_least_variance_and_weighted_cost_is_chosen(stratified: bool, weight: fl
     variance = toy.stratified_variance if stratified else toy.variance
     loss = np.array([variance((c, 1.0 - c)) for c in SHARES]) + weight * cost_of_mixture(SHARES)
     share = SHARES[loss.argmin()]
-    expected = (share, 1.0 - share)
-    if next_event_variance() + weight * COST_OF_PAIR < loss.min():
-        expected = (0.0, 0.0)
-    assert chosen.shares == pytest.approx(expected, abs=1e-6)
+    assert chosen.shares == pytest.approx((share, 1.0 - share), abs=1e-6)
+    assert chosen.is_next_event == (next_event_variance() + weight * COST_OF_PAIR < loss.min())
 
 
-@pytest.mark.parametrize(("ahead", "leaves"), [(0.99, True), (1.01, False)])
-def test_next_event_estimation_goes_on_where_it_is_ahead(ahead: float, leaves: bool) -> None:
+@pytest.mark.parametrize(("ahead", "goes_on"), [(0.99, True), (1.01, False)])
+def test_next_event_estimation_goes_on_where_it_is_ahead(ahead: float, goes_on: bool) -> None:
     toy = two_part_toy()[0]
     best = min(toy.stratified_variance((c, 1.0 - c)) for c in SHARES)
     known = known_of_pairs()
     known[PAIRS.offset("mean") + 1] += ahead * best - next_event_variance()
-    assert (choose(PAIRS, known).shares.sum() == 0.0) == leaves
+    assert choose(PAIRS, known).is_next_event == goes_on
 
 
 @pytest.mark.parametrize("layout", [MIXTURE, PAIRS], ids=["mixture", "pairs"])
 def test_allocation_is_kept_where_nothing_can_be_learned(layout: Layout) -> None:
     known = known_of_pairs() if layout is PAIRS else known_of(smooth())
     for case, moments in bad_moments(known).items():
-        assert choose(layout, moments).shares == pytest.approx([0.35, 0.65], abs=1e-7), case
+        chosen = choose(layout, moments)
+        assert chosen.shares == pytest.approx([0.35, 0.65], abs=1e-7), case
+        assert chosen.is_next_event == (layout is PAIRS), case  # as it began

@@ -13,8 +13,9 @@ from warpmis.device.film_buffers import allocate_film
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
 from warpmis.learn import neighbours
+from warpmis.learn.allocation import Allocation
 from warpmis.learn.learner import Learner
-from warpmis.learn.pooling import ALBEDO_SPREAD, DEPTH_SPREAD, FLOOR, LEAST_ALIKE, NORMAL_SPREAD, PRIOR
+from warpmis.learn.pooling import ALBEDO_SPREAD, DEPTH_SPREAD, FLOOR, LEAST_SIMILARITY, NORMAL_SPREAD, PRIOR
 from warpmis.methods import METHODS
 
 WIDTH, HEIGHT = 24, 10
@@ -45,7 +46,7 @@ def pooled(moments: np.ndarray, film: FilmView, radius: int = 4) -> np.ndarray:
     method = replace(METHODS["pooled"], pool_radius=radius)
     learner = Learner(method, ("bsdf", "light"), (WIDTH, HEIGHT), True, "cpu")
     learner.moments.assign(moments)
-    allocation = wp.full(PIXELS, wp.vec2(0.5, 0.5), dtype=wp.vec2, device="cpu")
+    allocation = Allocation.of(np.full((PIXELS, 2), 0.5, np.float32), False, "cpu")
 
     def launch(kernel: wp.Kernel, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=PIXELS, inputs=[0, *inputs], device="cpu")
@@ -94,7 +95,7 @@ def twin(moments: np.ndarray, guides: dict[str, np.ndarray], samples: np.ndarray
                     apart += 3.0 * (guides["albedo"][here] - guides["albedo"][other]) ** 2 / ALBEDO_SPREAD
                     apart += ((1.0 - guides["depth"][other] / guides["depth"][here]) / DEPTH_SPREAD) ** 2
                     weight = np.exp(-apart) * weights[other]
-                    if weight > LEAST_ALIKE:
+                    if weight > LEAST_SIMILARITY:
                         pooled_means[here] += weight * means[other]
                         pooled_weights[here] += weight
         means, weights = pooled_means / pooled_weights[:, None], pooled_weights

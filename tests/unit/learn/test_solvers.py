@@ -10,6 +10,7 @@ import warp as wp
 from toys import random_moments, sums
 
 from warpmis.kernels.moments import Layout
+from warpmis.learn.allocation import Allocation
 from warpmis.learn.solver import Problem, Solver
 from warpmis.learn.solvers import SOLVERS
 from warpmis.methods import METHODS
@@ -25,7 +26,7 @@ def problem_of(name: str) -> Problem:
 
 
 def step_of(solver: Solver, problem: Problem) -> tuple[np.ndarray, set[wp.Kernel]]:
-    """The allocations after a step on random moments, the last cell's all 0, and the kernels that were launched."""
+    """The shares after a step on random moments, the last cell's all 0, and the kernels that were launched."""
     layout = problem.layout
     dtype = layout.vec if problem.method.pool_radius is None else layout.relative_vec
     count = layout.strategies
@@ -33,8 +34,8 @@ def step_of(solver: Solver, problem: Problem) -> tuple[np.ndarray, set[wp.Kernel
     known = np.random.default_rng(7).uniform(0.5, 1.5, (CELLS, layout.size))
     known[:, : count + count * (count + 1) // 2] = sums(F2, q)
     known[-1] = 0.0
-    vec_s = wp.types.vector(length=count, dtype=wp.float32)
-    allocation = wp.array(np.full((CELLS, count), 1.0 / count, np.float32), dtype=vec_s, device="cpu")
+    shares = np.full((CELLS, count), 1.0 / count, np.float32)
+    allocation = Allocation.of(shares, problem.method.next_event, "cpu")
     launched = set()
 
     def launch(kernel: wp.Kernel, inputs: list[Any]) -> None:
@@ -43,7 +44,7 @@ def step_of(solver: Solver, problem: Problem) -> tuple[np.ndarray, set[wp.Kernel
             wp.launch(kernel, dim=min(4, CELLS - first), inputs=[first, *inputs], device="cpu")
 
     solver.step(wp.array(known, dtype=dtype, device="cpu"), allocation, launch)
-    return allocation.numpy(), launched
+    return allocation.shares.numpy(), launched
 
 
 @pytest.mark.parametrize("name", LEARNING)
@@ -55,8 +56,7 @@ def test_a_step_launches_what_the_solver_names_and_changes_cells_that_found_ligh
     count = problem.layout.strategies
     assert np.array_equal(allocation[-1], np.full(count, 1.0 / count, np.float32))
     assert (allocation[:-1] != allocation[-1]).any(axis=1).mean() > 0.5
-    shared = allocation[allocation.any(axis=1)]
-    assert shared.sum(axis=1) == pytest.approx(np.ones(len(shared)), abs=1e-6)
+    assert allocation.sum(axis=1) == pytest.approx(np.ones(CELLS), abs=1e-6)
 
 
 @pytest.mark.parametrize("name", LEARNING)

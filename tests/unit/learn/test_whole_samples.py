@@ -35,7 +35,3 @@ def test_every_share_is_a_whole_number_of_samples(count: int, samples: int | Non
 def test_shares_below_the_bound_stay_below_it() -> None:
     """What a method of its own bounds has learned is not lifted to another's: only rounded up."""
     assert rounded(np.array([[0.01, 0.99]]), 64, 0.1)[0] == pytest.approx([1.0 / 64.0, 63.0 / 64.0])
-
-
-def test_next_event_estimation_stays() -> None:
-    assert (rounded(np.zeros((1, 2)), 64, 0.1) == 0.0).all()

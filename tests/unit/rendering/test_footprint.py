@@ -27,11 +27,11 @@ PER_PIXEL = {
     "nee": FILM,
     "balance": FILM + 2 * 4 + 5 * 8,
     "murray20": 2 * FILM + 2 * 4 + 5 * 8,
-    "auto": FILM + 2 * 4 + 5 * 8,
+    "auto": FILM + 2 * 4 + 1 + 5 * 8,
 }
-# Of a cell of 2 x 2 pixels where learning looks at one in four: its film, shares, and moments. And of a row of cells:
-# its sum and count.
-PER_CELL = {"auto": FILM + 2 * 4 + 2 * SUMS + 2 * 4 + 32 + 8}
+# Of a cell of 2 x 2 pixels where learning looks at one in four: its film, shares, estimator, and moments. And of a row:
+# the sum and count of its cells.
+PER_CELL = {"auto": FILM + 2 * 4 + 1 + 2 * SUMS + 2 * 4 + 32 + 8}
 PER_ROW = {"auto": SUMS // 2 + 4}
 
 

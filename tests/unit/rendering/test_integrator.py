@@ -11,6 +11,7 @@ import scenes
 import warpmis
 from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
+from warpmis.learn.allocation import MIXTURE, NEXT_EVENT
 from warpmis.learn.schedule import Round
 from warpmis.methods import METHODS
 from warpmis.rendering import integrator
@@ -146,16 +147,16 @@ def test_allocation_map_is_used_per_pixel() -> None:
 def test_each_pixel_goes_through_its_own_estimator_s_kernel() -> None:
     """Of a round of `auto` whose pixels have left the mixture here and there: bit for bit what the others render."""
     scene = scenes.room(12)
-    left = np.random.default_rng(5).random((12, 12)) < 0.4
+    by_next_event = np.random.default_rng(5).random((12, 12)) < 0.4
     config = warpmis.RenderConfig(method="auto", spp=8)
     features = detect(scene).with_strategies(config.strategies, config.how.statistics)
-    shares = np.where(left.reshape(-1, 1), 0.0, 0.5).repeat(2, axis=1).astype(np.float32)
-    run = integrator.Integrator(upload(scene, "cpu"), features, config, shares)
+    run = integrator.Integrator(upload(scene, "cpu"), features, config, np.full((144, 2), 0.5, np.float32))
+    run.allocation.estimators.assign(np.where(by_next_event, NEXT_EVENT, MIXTURE).astype(np.uint8).reshape(-1))
     run.trace(Round(0, 8, learn=False), lambda samples: None)
     image = download_film(run.film, 12, 12).image()
     next_event, shared = (warpmis.render(scene, method=method, spp=8).image for method in ("nee", "balance"))
     assert (next_event != shared).any(axis=-1).mean() > 0.5
-    np.testing.assert_array_equal(image, np.where(left[..., None], next_event, shared))
+    np.testing.assert_array_equal(image, np.where(by_next_event[..., None], next_event, shared))
 
 
 def test_device_that_is_not_there_is_named() -> None:
