@@ -97,8 +97,10 @@ THREE, FOUR = (Layout(count, METHODS["cost-aware"].statistics) for count in (3, 
 # Arguments that differ as little as they can.
 DIFFERING: dict[str, list[tuple[Any, ...]]] = {
     "make_trace": [
-        (Features().with_strategies(("bsdf", name)),) for name in ("light", "uniform", "cosine", "specular")
+        *((Features().with_strategies(("bsdf", name)),) for name in ("light", "uniform", "cosine", "specular")),
+        *((Features().with_cache(cache),) for cache in ("record", "guide")),
     ],
+    "make_locate": [()],
     "make_identify": [(Features(),), (Features(opacity=True),)],
     "make_relative": [(THREE,), (FOUR,), (PAIRS,)],
     "make_row_sums": [(THREE,), (FOUR,), (PAIRS,)],
