@@ -176,6 +176,11 @@ class RenderConfig:
         return METHODS[self.method]
 
     @property
+    def uses_next_event(self) -> bool:
+        """Whether next-event estimation renders pixels in place of a mixture: all of them, or some."""
+        return self.method == "nee" or self.how.next_event
+
+    @property
     def stops(self) -> bool:
         """Whether something else than the number of samples may end the render."""
         return self.target_error is not None or self.time_limit is not None

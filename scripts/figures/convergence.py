@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 import warpmis
-from warpmis.output.balance_map import balance_map, with_legend
+from warpmis.output.balance_map import balance_map
+from warpmis.output.legend import with_legend
 from warpmis.output.png import write_display_png
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import warpmis
-from warpmis.output.balance_map import balance_map, with_legend
+from warpmis.output.balance_map import balance_map
+from warpmis.output.legend import with_legend
 from warpmis.output.png import write_display_png
 from warpmis.output.tonemap import to_display
 

@@ -170,7 +170,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
         "--color-correction-mode", "--colorCorrectionMode", "-color", choices=COLOR_CORRECTIONS, default="sRGB",
         help="how --png encodes: sRGB, or disabled for linear values (%(default)s)",
     )  # fmt: skip
-    group.add_argument("--balance-map", metavar="FILE.png", help="also write the allocation: red BSDF, blue lights")
+    group.add_argument("--balance-map", metavar="FILE.png", help="also write which strategy gets the samples")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
     group.add_argument(
         "--explain",
@@ -276,7 +276,8 @@ def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said:
 
 
 def _write(result: RenderResult, job: Job, *, srgb: bool) -> None:
-    from warpmis.output.balance_map import balance_map, with_legend
+    from warpmis.output.balance_map import balance_map, sample_shares
+    from warpmis.output.legend import with_legend
     from warpmis.output.png import write_display_png, write_png
 
     targets = job.targets
@@ -287,8 +288,9 @@ def _write(result: RenderResult, job: Job, *, srgb: bool) -> None:
     if "png" in targets:
         write_png(targets["png"], result.shown, srgb=srgb)
     if "balance_map" in targets:
-        picture = balance_map(result.allocation, result.strategies)
-        write_display_png(targets["balance_map"], with_legend(picture, result.strategies))
+        shares = sample_shares(result.allocation, result.strategies, result.next_event)
+        picture = balance_map(result.allocation, result.strategies, result.next_event)
+        write_display_png(targets["balance_map"], with_legend(picture, result.strategies, shares))
     if "round_maps" in targets:
         _write_round_maps(result, targets["round_maps"])
 
@@ -299,7 +301,9 @@ def _write_round_maps(result: RenderResult, folder: str) -> None:
     from warpmis.output.png import write_display_png
 
     for number, allocation in enumerate(result.round_allocations, start=1):
-        write_display_png(f"{folder}/round_{number:04}.png", balance_map(allocation, result.strategies))
+        # A method that leaves pixels to next-event estimation has one learn round.
+        picture = balance_map(allocation, result.strategies, result.next_event)
+        write_display_png(f"{folder}/round_{number:04}.png", picture)
 
 
 # ---- what is said -----------------------------------------------------------------------------------------------

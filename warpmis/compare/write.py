@@ -13,7 +13,6 @@ from warpmis.compare.measure import Experiment, Measurement
 from warpmis.compare.summary import efficiency_map, summarize
 from warpmis.errors import WarpmisError
 from warpmis.output.atomic import check_target, replacing
-from warpmis.output.balance_map import balance_map, with_legend
 from warpmis.output.exr import write_exr
 from warpmis.output.png import write_display_png, write_png
 from warpmis.output.report.page import MethodPictures, report_page
@@ -71,6 +70,7 @@ def _pictures(
         efficiency=None if is_baseline else efficiency_map(measurement, experiment.measurements[0]),
         allocation=first.allocation if first.stats["seconds"]["learn"] > 0.0 else None,
         strategies=first.strategies,
+        next_event=first.next_event,
     )
     return shown, None if flips[0] is None else flips[0].mean
 
@@ -95,8 +95,7 @@ def _write_pictures(measurement: Measurement, shown: MethodPictures, folder: Pat
         write_display_png(folder / files["efficiency"], ratio_map(shown.efficiency))
     if shown.allocation is not None and shown.allocation.shape[-1] <= MOST_COLORS:
         files["allocation"] = f"{stem}-allocation.png"
-        picture = balance_map(shown.allocation, shown.strategies)
-        write_display_png(folder / files["allocation"], with_legend(picture, shown.strategies))
+        write_display_png(folder / files["allocation"], shown.balance_map())
     return files
 
 

@@ -1,8 +1,8 @@
 """A picture of an allocation: which strategy gets the samples of each pixel.
 
-Red is the BSDF, blue the lights, green a third strategy. Colours are mixed by share in Oklab, where equal steps look
-equal, and the primaries differ in lightness too (blue dark, red medium, green light), so that a grey print still
-orders them.
+Red is the BSDF, blue the lights, green a third strategy. Yellow is next-event estimation, in pixels without a mixture.
+Colours are mixed by share in Oklab, where equal steps look equal. The primaries differ in lightness too (blue
+is dark, red medium, green and yellow light), so that a grey print still orders them.
 
 Reference: Ottosson (2020), "A perceptual color space for image processing".
 """
@@ -20,6 +20,10 @@ from warpmis.output.tonemap import to_display
 # Oklab (L, a, b).
 _COLOR = {"bsdf": (0.64, 0.18, 0.10), "light": (0.42, -0.02, -0.16)}
 _THIRD_COLOR = (0.86, -0.14, 0.12)
+_NEXT_EVENT_COLOR = np.array([0.90, -0.02, 0.15])
+
+# What legends call it.
+NEXT_EVENT = "next-event estimation"
 
 _LMS_FROM_LAB = np.array(
     [[1.0, 0.3963377774, 0.2158037573], [1.0, -0.1055613458, -0.0638541728], [1.0, -0.0894841775, -1.2914855480]]
@@ -33,32 +37,41 @@ _RGB_FROM_LMS = np.array(
 )
 
 
-def balance_map(allocation: NDArray[np.floating], strategies: Sequence[str]) -> NDArray[np.uint8]:
+def balance_map(
+    allocation: NDArray[np.floating], strategies: Sequence[str], next_event: NDArray[np.floating] | None = None
+) -> NDArray[np.uint8]:
     """Colour every pixel by its shares: rgb = srgb(sum_s a_s primary_s), the sum in Oklab.
 
     Args:
         allocation: shape (H, W, S), S at most 3, not negative, summing to 1 along the last axis.
         strategies: the S names.
+        next_event: share of each pixel's samples that next-event estimation takes in place of the mixture, from 0 to 1,
+            shape (H, W); None for none.
 
     Returns:
         sRGB, shape (H, W, 3) uint8.
     """
     lab = np.asarray(allocation, dtype=np.float64) @ primaries(strategies)
-    return to_display((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T)
+    if next_event is not None:
+        left = np.asarray(next_event, dtype=np.float64)[..., None]
+        lab = (1.0 - left) * lab + left * _NEXT_EVENT_COLOR
+    return _to_srgb(lab)
 
 
-def with_legend(picture: NDArray[np.uint8], strategies: Sequence[str]) -> NDArray[np.uint8]:
-    """Add a colour bar below: from all of one strategy (left) to all of the next (right), ticks at the quarters.
+def sample_shares(
+    allocation: NDArray[np.floating], strategies: Sequence[str], next_event: NDArray[np.floating] | None = None
+) -> dict[str, float]:
+    """Share of all samples that each strategy drew and, where it is known, next-event estimation; summing to 1."""
+    left = np.zeros(allocation.shape[:2]) if next_event is None else np.asarray(next_event, np.float64)
+    mixed = (1.0 - left)[..., None] * allocation
+    shares = {name: float(share) for name, share in zip(strategies, mixed.mean(axis=(0, 1)), strict=True)}
+    return shares if next_event is None else {**shares, NEXT_EVENT: float(left.mean())}
 
-    Three strategies have three bars side by side: first to second, second to third, third to first.
-    """
-    height, width, _ = picture.shape
-    rows = max(8, height // 24)
-    bar = np.repeat(balance_map(_legend_shares(width, len(strategies)), strategies), rows, axis=0)
-    bars = 3 if len(strategies) == 3 else 1
-    for tick in np.linspace(0, width - 1, 4 * bars + 1).round().astype(int):
-        bar[: rows // 3, tick] = 0
-    return np.concatenate([picture, np.zeros((1, width, 3), np.uint8), bar])
+
+def entry_colors(strategies: Sequence[str]) -> dict[str, NDArray[np.uint8]]:
+    """The colour of each strategy, and of next-event estimation: sRGB, shape (3,)."""
+    colors = _to_srgb(np.vstack([primaries(strategies), _NEXT_EVENT_COLOR]))
+    return dict(zip((*strategies, NEXT_EVENT), colors, strict=True))
 
 
 def primaries(strategies: Sequence[str]) -> NDArray[np.float64]:
@@ -76,10 +89,5 @@ def primaries(strategies: Sequence[str]) -> NDArray[np.float64]:
     return np.array(colors)
 
 
-def _legend_shares(width: int, count: int) -> NDArray[np.float64]:
-    """Shares along the legend, shape (1, width, count)."""
-    corners = np.eye(count)
-    stops = np.concatenate([corners, corners[:1]]) if count == 3 else corners
-    position = np.linspace(0, len(stops) - 1, width)
-    columns = [np.interp(position, np.arange(len(stops)), stops[:, strategy]) for strategy in range(count)]
-    return np.stack(columns, axis=-1)[np.newaxis]
+def _to_srgb(lab: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return to_display((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T)

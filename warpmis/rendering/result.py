@@ -41,6 +41,8 @@ class RenderResult:
             independent ones.
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.
+        next_event: share of each pixel's samples that next-event estimation takes in place of the mixture, shape (H, W)
+            float32, where the method may do so; such a pixel's `allocation` says nothing. None for other methods.
         round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.
         ids: if asked for, of what the middle of each pixel sees: the prim's place in `paths`, which of the prim's
             instances it is, and which face (curve, point), -1 where there is no surface, shape (H, W, 3) int32.
@@ -64,6 +66,7 @@ class RenderResult:
     stats: RenderStats
     name: str
     denoised: Float32Array | None = None
+    next_event: Float32Array | None = None
     round_allocations: tuple[Float32Array, ...] = ()
     ids: NDArray[np.int32] | None = None
     paths: tuple[str, ...] = ()
@@ -139,7 +142,9 @@ class RenderResult:
         from warpmis.output.notebook import notebook_html
 
         caption = f"{self!r}: relative error about {100.0 * self.relative_error():.2g} %"
-        return notebook_html(caption, self.shown, self.allocation, self.strategies)
+        learned = self.stats["seconds"]["learn"] > 0.0
+        next_event = self.next_event if learned else None
+        return notebook_html(caption, self.shown, self.allocation, self.strategies, next_event)
 
     def channels(self) -> dict[str, Float32Array]:
         """Every picture under its EXR channel name, each of shape (H, W) float32."""
@@ -153,6 +158,8 @@ class RenderResult:
             pictures[f"N.{name}"] = self.normal[..., axis]
         if self.ids is not None:
             pictures |= {name: self.ids[..., axis] for axis, name in enumerate(IDS)}
+        if self.next_event is not None:
+            pictures["nextEvent.Y"] = self.next_event
         for axis, name in enumerate(self.strategies):
             pictures[f"allocation.{name}"] = self.allocation[..., axis]
         return {name: np.asarray(picture, dtype=np.float32) for name, picture in pictures.items()}

@@ -51,6 +51,7 @@ class Run:
             samples=film.count,
             variance=final.variance(exposure),
             allocation=integrator.allocation_map(),
+            next_event=integrator.next_event_map().astype(np.float32) if config.uses_next_event else None,
             ids=integrator.ids() if config.ids else None,
             paths=tuple(prim.path for prim in scene.prims) if config.ids else (),
             round_allocations=tuple(self.round_allocations),

@@ -110,6 +110,8 @@ def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
     first = results[0]
     pictures: dict[str, Any] = {name: mean(name) for name in ("image", "alpha", "albedo", "variance", "allocation")}
     pictures |= {name: mean(name, hit_weights) for name in ("normal", "depth")}
+    if first.next_event is not None:
+        pictures["next_event"] = mean("next_event")
     return dataclasses.replace(
         first,
         **pictures,

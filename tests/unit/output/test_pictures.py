@@ -9,7 +9,8 @@ import OpenImageIO as oiio
 import pytest
 
 from warpmis.errors import WarpmisError
-from warpmis.output.balance_map import balance_map, with_legend
+from warpmis.output.balance_map import NEXT_EVENT, balance_map, entry_colors, sample_shares
+from warpmis.output.legend import entry_text, with_legend
 from warpmis.output.png import write_display_png, write_png
 from warpmis.output.tonemap import to_display
 
@@ -111,21 +112,78 @@ def test_more_strategies_than_colours() -> None:
         balance_map(np.full((1, 1, 4), 0.25), ("bsdf", "light", "uniform", "guide"))
 
 
+def test_next_event_estimation_has_a_colour_that_no_mixture_has() -> None:
+    """Between two strategies, and as light as none of the two, so that a grey print tells it, too."""
+    mixtures = balance_map(ramp(257), ("bsdf", "light"))[0].astype(int)
+    yellow = balance_map(np.full((1, 1, 2), 0.5), ("bsdf", "light"), np.ones((1, 1)))[0, 0].astype(int)
+    assert yellow[0] > yellow[2] + 100 and yellow[1] > yellow[2] + 100
+    assert np.abs(mixtures - yellow).sum(axis=1).min() > 150
+    assert luminance(yellow.astype(np.uint8)) > luminance(mixtures.astype(np.uint8)).max() + 0.3
+    green = balance_map(np.eye(3)[np.newaxis], ("bsdf", "light", "uniform"))[0, 2].astype(int)
+    assert np.abs(green - yellow).sum() > 80
+
+
+def test_shares_of_the_samples() -> None:
+    """Two pixels: one all next-event estimation, whose shares do not count, and one of a quarter and three."""
+    allocation = np.array([[[0.5, 0.5], [0.25, 0.75]]])
+    assert sample_shares(allocation, ("bsdf", "light")) == {"bsdf": 0.375, "light": 0.625}
+    told = sample_shares(allocation, ("bsdf", "light"), np.array([[1.0, 0.0]]))
+    assert told == {"bsdf": 0.125, "light": 0.375, NEXT_EVENT: 0.5}
+
+
+def test_shares_in_words() -> None:
+    for share, text in ((None, "bsdf"), (0.0, "bsdf 0 %"), (0.001, "bsdf < 1 %"), (0.255, "bsdf 26 %")):
+        assert entry_text("bsdf", share) == text
+    assert entry_text("bsdf", 0.999) == "bsdf > 99 %" and entry_text("bsdf", 1.0) == "bsdf 100 %"
+
+
 @pytest.mark.parametrize("strategies", [("bsdf",), ("bsdf", "light"), ("bsdf", "light", "uniform")])
-@pytest.mark.parametrize("width", [1, 2, 64])
+@pytest.mark.parametrize("width", [1, 2, 64, 640])
 def test_legend_stands_below_the_picture(strategies: tuple[str, ...], width: int) -> None:
+    """The picture as it is; where it is narrow the names have room on a black margin."""
     picture = balance_map(np.full((48, width, len(strategies)), 1.0 / len(strategies)), strategies)
     whole = with_legend(picture, strategies)
-    np.testing.assert_array_equal(whole[:48], picture)
-    assert whole.shape[0] > 48 and whole.shape[1:] == (width, 3)
-    assert (whole[48] == 0).all()
+    np.testing.assert_array_equal(whole[:48, :width], picture)
+    assert whole.shape[0] > 48 and whole.shape[1] >= width
+    assert (whole[48] == 0).all() and (whole[:48, width:] == 0).all()
+    if width == 640:
+        assert whole.shape[1] == width
 
 
 def test_legend_runs_from_the_first_strategy_to_the_next() -> None:
     strategies = ("bsdf", "light")
-    bar = with_legend(balance_map(np.full((48, 64, 2), 0.5), strategies), strategies)[-1]
+    bar = with_legend(balance_map(np.full((48, 640, 2), 0.5), strategies), strategies)[49 + 7]  # below the ticks
     ends = balance_map(np.eye(2)[np.newaxis], strategies)[0]
     np.testing.assert_array_equal(bar[[0, -1]], ends)
+
+
+def test_legend_names_each_colour_and_its_share() -> None:
+    """A square of the colour of each, and white words that differ with the share."""
+    picture = np.zeros((48, 640, 3), np.uint8)
+    strategies = ("bsdf", "light")
+
+    def words(share: float) -> np.ndarray:
+        shares = {"bsdf": 0.5 - share, "light": 0.5, NEXT_EVENT: share}
+        return with_legend(picture, strategies, shares)[49 + 8 :]
+
+    strip = words(0.25)
+    for color in entry_colors(strategies).values():
+        assert (strip == color).all(axis=-1).sum() >= 16 * 16
+    assert (strip == 255).all(axis=-1).sum() > 100
+    assert (words(0.25) != words(0.26)).any()
+
+
+def test_without_a_mixture_there_is_no_bar() -> None:
+    picture = np.zeros((48, 640, 3), np.uint8)
+    heights = [
+        len(
+            with_legend(
+                picture, ("bsdf", "light"), {"bsdf": (1.0 - share) / 2, "light": (1.0 - share) / 2, NEXT_EVENT: share}
+            )
+        )
+        for share in (1.0, 0.5)
+    ]
+    assert heights[0] == heights[1] - 8
 
 
 def test_linear_png_holds_the_values_themselves(tmp_path: Path) -> None:

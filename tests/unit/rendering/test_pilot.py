@@ -28,6 +28,14 @@ def test_the_pixels_of_the_pilot_are_those_of_next_event_estimation() -> None:
     alike = np.isclose(ours.image, nee.image, rtol=1e-5).all(axis=-1)
     assert 0.25 < alike.mean() < 0.95  # a mixture has been found better somewhere
     assert ours.stats["next_event_pixels"] == pytest.approx(alike.mean(), abs=0.01)
+    # The map tells what was learned: a pilot's pixel has what its neighbours in the cell do.
+    assert ours.next_event is not None
+    pilot = np.zeros(alike.shape, bool)
+    pilot[::STRIDE, ::STRIDE] = True
+    np.testing.assert_array_equal(ours.next_event[~pilot], alike[~pilot])
+    np.testing.assert_array_equal(ours.next_event[pilot], ours.next_event[1::STRIDE, 1::STRIDE].ravel())
+    assert nee.next_event is not None and (nee.next_event == 1.0).all()
+    assert warpmis.render(scene, method="balance", spp=1).next_event is None
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 5), (2, 3), (16, 9)])

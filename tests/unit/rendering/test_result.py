@@ -31,7 +31,7 @@ def make_result(height: int = 3, width: int = 4) -> RenderResult:
     return RenderResult(
         image=picture(3), alpha=picture(), albedo=picture(3), normal=picture(3), depth=picture(),
         samples=np.full((height, width), 64, np.int32), variance=picture(), allocation=picture(2),
-        strategies=("bsdf", "light"), stats={}, name="box.usda",
+        strategies=("bsdf", "light"), stats={"seconds": {"learn": 1.0}}, name="box.usda",
         settings=RenderConfig(spp=64, method="murray20", seed=3).to_dict(),
     )  # fmt: skip
 
@@ -112,9 +112,28 @@ def test_notebook_shows_picture_map_and_error(tmp_path: Path) -> None:
     linear = result.image[..., :3].astype(np.float64)
     expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     np.testing.assert_allclose(shown / 255.0, expected, atol=0.003)
-    assert "all bsdf to all light" in page
+    shares = result.allocation.mean(axis=(0, 1))
+    for name, share in zip(("bsdf", "light"), shares, strict=True):
+        assert f"{name} {100 * share:.0f} %" in page
 
 
 def test_notebook_shows_no_map_where_nothing_was_learned() -> None:
     result = dataclasses.replace(make_result(), allocation=np.full((3, 4, 2), 0.5, np.float32))
     assert result._repr_html_().count("<img") == 1
+
+
+def test_notebook_says_where_next_event_estimation_is_everywhere() -> None:
+    """What `auto` learned, though every pixel has equal shares. `nee` learns nothing, and shows no map."""
+    everywhere = np.ones((3, 4), np.float32)
+    result = dataclasses.replace(make_result(), allocation=np.full((3, 4, 2), 0.5, np.float32), next_event=everywhere)
+    page = result._repr_html_()
+    assert page.count("<img") == 2
+    assert "bsdf 0 %" in page and "light 0 %" in page and "next-event estimation 100 %" in page
+    unlearned = dataclasses.replace(result, stats={"seconds": {"learn": 0.0}})
+    assert unlearned._repr_html_().count("<img") == 1
+
+
+def test_next_event_estimation_is_a_channel_where_the_method_knows_it() -> None:
+    assert "nextEvent.Y" not in make_result().channels()
+    known = dataclasses.replace(make_result(), next_event=np.eye(3, 4, dtype=np.float32))
+    np.testing.assert_array_equal(known.channels()["nextEvent.Y"], np.eye(3, 4))

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.output.balance_map import balance_map, with_legend
+from warpmis.output.balance_map import balance_map, sample_shares
+from warpmis.output.legend import with_legend
 from warpmis.output.report.pixels import diverging_gradient, exposure_for, packed, png_uri, ratio_map
 from warpmis.output.report.plot import error_plot, marker
 from warpmis.output.report.tables import cost_table, glance_table, time_table
@@ -34,6 +35,7 @@ class MethodPictures:
         efficiency: ratio to the baseline, shape (H, W); None for the baseline itself.
         allocation: shape (H, W, S); None where nothing was learned.
         strategies: the S names.
+        next_event: as balance_map has it.
     """
 
     label: str
@@ -43,6 +45,14 @@ class MethodPictures:
     efficiency: NDArray[np.floating] | None = None
     allocation: NDArray[np.floating] | None = None
     strategies: tuple[str, ...] = ()
+    next_event: NDArray[np.floating] | None = None
+
+    def balance_map(self) -> NDArray[np.uint8]:
+        """The allocation as a picture with its legend, sRGB, shape (rows, columns, 3)."""
+        assert self.allocation is not None
+        picture = balance_map(self.allocation, self.strategies, self.next_event)
+        shares = sample_shares(self.allocation, self.strategies, self.next_event)
+        return with_legend(picture, self.strategies, shares)
 
 
 def report_page(summary: Mapping[str, Any], reference: NDArray[np.floating], pictures: Sequence[MethodPictures]) -> str:
@@ -146,8 +156,7 @@ def _sweep(summary: Mapping[str, Any], knob: str, pictures: Sequence[MethodPictu
 def _allocation_map(method: MethodPictures) -> str:
     if method.allocation is None or method.allocation.shape[-1] > 3:
         return ""
-    picture = with_legend(balance_map(method.allocation, method.strategies), method.strategies)
-    return _card(picture, method, f"learned shares, all {' to all '.join(method.strategies)} in the bar")
+    return _card(method.balance_map(), method, "share of the samples that each strategy was learned to take")
 
 
 def _efficiency_map(method: MethodPictures) -> str:
