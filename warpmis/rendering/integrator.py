@@ -341,8 +341,9 @@ class Integrator:
 
     def next_event_map(self) -> NDArray[np.bool_]:
         """Which pixels go by next-event estimation, shape (H, W): a pilot's as their neighbours in the cell do."""
-        shares = self._learned_map() if self.count else np.zeros((self.height, self.width, 1), np.float32)
-        return without_shares(shares.reshape(self.pixels, -1)).reshape(self.height, self.width)
+        if not self.count:
+            return np.ones((self.height, self.width), np.bool_)
+        return self._of_pixels(self.learned.is_next_event())
 
     def next_event_share(self) -> float:
         """Share of the pixels that have next-event estimation: all of them in a render without strategies."""
