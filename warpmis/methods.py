@@ -60,12 +60,12 @@ class Method:
 
 
 METHODS: dict[str, Method] = {
-    "bsdf": Method(summary="BSDF sampling alone"),
-    "balance": Method(summary="equal shares"),
-    "nee": Method(summary="one light and one BSDF sample at every vertex"),
-    "fixed": Method(summary="the shares given by --allocation"),
+    "bsdf": Method(summary="BSDF sampling only at the first vertex"),
+    "balance": Method(summary="a mixture with equal shares"),
+    "nee": Method(summary="next-event estimation: one light sample and one BSDF sample at every vertex"),
+    "fixed": Method(summary="a mixture with the shares of --allocation"),
     "lpg13": Method(
-        summary="direct light only, one Newton step from equal shares",
+        summary="learns from direct light only: one Newton step (Lu et al. 2013)",
         solver="newton_share",
         direct_only=True,
         two_strategies=True,
@@ -74,11 +74,14 @@ METHODS: dict[str, Method] = {
         rounds=1,
     ),
     "sbert19": Method(
-        summary="direct light only, Newton steps", solver="newton_share", direct_only=True, two_strategies=True
+        summary="learns from direct light only: Newton steps (Sbert et al. 2019)",
+        solver="newton_share",
+        direct_only=True,
+        two_strategies=True,
     ),
-    "murray20": Method(summary="all light, Newton steps, as published", solver="newton_seed"),
+    "murray20": Method(summary="learns from all light: Newton steps (Murray et al. 2020)", solver="newton_seed"),
     "accumulated": Method(
-        summary="the best of nine shares by the samples of all rounds",
+        summary="learns the best of nine shares from the samples of all rounds",
         solver="best_candidate",
         statistics=("mean", "candidates"),
         two_strategies=True,
@@ -86,13 +89,13 @@ METHODS: dict[str, Method] = {
         pool_radius=0,
     ),
     "kl-em": Method(
-        summary="expectation maximisation on the samples of all rounds",
+        summary="learns by expectation maximization from the samples of all rounds",
         solver="expectation",
         statistics=("posterior",),
         keeps=True,
     ),
     "pooled": Method(
-        summary="Newton on the samples of neighbouring pixels",
+        summary="learns from the samples of neighbouring pixels: Newton on the simplex",
         solver="newton_simplex",
         statistics=("mean",),
         keeps=True,
@@ -101,7 +104,7 @@ METHODS: dict[str, Method] = {
         max_rounds=4,
     ),
     "cost-aware": Method(
-        summary="pooled, minimising variance x cost",
+        summary="like pooled, but minimizes variance x cost",
         solver="newton_simplex",
         statistics=("mean", "cost"),
         keeps=True,
@@ -114,7 +117,7 @@ METHODS: dict[str, Method] = {
         summary="a spatial cache learns directions, shares, roulette and shadow rays at every vertex", cache=True
     ),
     "auto": Method(
-        summary="the best of nine shares and nee by variance x cost, pooled",
+        summary="learns which is best in each pixel: one of nine shares, or nee (the default)",
         solver="best_candidate",
         statistics=("mean", "candidates", "pair"),
         two_strategies=True,

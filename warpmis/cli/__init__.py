@@ -63,7 +63,8 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _parser() -> argparse.ArgumentParser:
     # No abbreviations: a script must not break when an option is added.
-    parser = Parser(prog="warpmis", description="Render OpenUSD stages.", allow_abbrev=False)
+    description = "Render OpenUSD stages until the picture's error is below the one you ask for."
+    parser = Parser(prog="warpmis", description=description, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"warpmis {warpmis.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     render.add_parser(commands)

@@ -21,23 +21,23 @@ DEFAULT_WIDTH = 256
 DEFAULT_SECONDS = 200.0
 DEFAULT_REPEATS = 3
 
-DESCRIPTION = """Render a stage by several methods, and report what accuracy costs in time: DIR/report.html, with
-report.json and all pictures beside it."""
+DESCRIPTION = """Render a stage by several methods and report how long each takes to reach a given accuracy. Writes
+DIR/report.html, report.json and all pictures."""
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
     parser = commands.add_parser(
-        "compare", help="what accuracy costs in time, by method", description=DESCRIPTION, allow_abbrev=False
+        "compare", help="find the method that is accurate first", description=DESCRIPTION, allow_abbrev=False
     )
-    parser.add_argument("stage", metavar="STAGE", help="a USD file")
-    parser.add_argument("-o", "--out", metavar="DIR", required=True, help="the folder to write, made if need be")
+    parser.add_argument("stage", metavar="STAGE", help="the USD file to render")
+    parser.add_argument("-o", "--out", metavar="DIR", required=True, help="the folder to write; created if missing")
     add_stage_options(parser)
     _add_comparison_options(parser)
     _add_common_options(parser)
-    group = parser.add_argument_group("what to say")
+    group = parser.add_argument_group("what to print")
     group.add_argument("--json", action="store_true", help="print report.json instead of the table")
-    group.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    group.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=run)
 
 
@@ -45,48 +45,48 @@ def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to compare")
     group.add_argument(
         "--method", action="append", metavar="NAME", dest="methods",
-        help='a method, or one with its strategies such as "murray20 bsdf,light"; may be repeated; balance is always '
-        f"among them ({'; '.join(one.label for one in default_variants())})",
+        help='a method, or one with its strategies such as "murray20 bsdf,light" (repeatable); always with balance '
+        f"(default: {'; '.join(one.label for one in default_variants())})",
     )  # fmt: skip
     group.add_argument(
         "--sweep", action="append", type=_sweep, metavar="NAME=A,B", default=[],
-        help=f"also the default method with each value of one setting, of {', '.join(KNOBS)}; may be repeated",
+        help=f"also run the default method with each value of one setting: {', '.join(KNOBS)} (repeatable)",
     )  # fmt: skip
-    group.add_argument("--reference", metavar="FILE.exr", help="what is right (rendered by balance)")
+    group.add_argument("--reference", metavar="FILE.exr", help="the reference picture (default: rendered by balance)")
     group.add_argument(
         "--reference-spp",
         type=whole_number,
         metavar="N",
-        help="samples per pixel of one rendered (16 x --spp)",
+        help="samples per pixel of a rendered reference (default: 16 x --spp)",
     )
     group.add_argument(
         "--spp",
         type=whole_number,
         metavar="N",
-        help="samples per pixel of the longest runs (as --time-limit affords)",
+        help="samples per pixel of the longest runs (default: from --time-limit)",
     )
     group.add_argument(
         "--time-limit",
         type=time_in_seconds,
         metavar="SECONDS",
-        help=f"about how long all of it may take ({DEFAULT_SECONDS:g})",
+        help=f"approximate time for the whole comparison (default: {DEFAULT_SECONDS:g})",
     )
-    group.add_argument("--repeats", type=whole_number, metavar="N", help=f"runs of each kind ({DEFAULT_REPEATS})")
+    group.add_argument("--repeats", type=whole_number, metavar="N", help=f"repetitions (default: {DEFAULT_REPEATS})")
 
 
 def _add_common_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("how all of them render")
+    group = parser.add_argument_group("settings of all renders")
     default = RenderConfig()
     group.add_argument(
         "--max-depth",
         type=whole_number,
         metavar="N",
-        help=f"bounces after the camera ray ({default.max_depth})",
+        help=f"bounces (default: {default.max_depth})",
     )
-    group.add_argument("--seed", type=whole_number, metavar="N", help=f"all seeds follow from it ({default.seed})")
-    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
+    group.add_argument("--seed", type=whole_number, metavar="N", help=f"random seed (default: {default.seed})")
+    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 (default: {default.device})")
     group.add_argument(
-        "--threads", type=whole_number, metavar="N", help="CPU threads (as many as this process may use)"
+        "--threads", type=whole_number, metavar="N", help="CPU threads (default: all that this process may use)"
     )
 
 

@@ -17,27 +17,27 @@ from warpmis.cli.render import (
 from warpmis.cli.stage_options import add_stage_options, stage_options
 from warpmis.config import DEFAULT_STRATEGIES, RenderConfig
 
-DESCRIPTION = """Compile the kernels that `render` would launch with the same options, and render nothing: for images
-that a build machine makes, and for the first render of a session. They lie in Warp's cache (WARP_CACHE_PATH). Kernels
-for a CPU are made for one like that which compiles them."""
+DESCRIPTION = """Compile the kernels that `render` needs with the same options, without rendering. Use it to fill Warp's
+cache (WARP_CACHE_PATH) before the first render, or in an image on a build machine. Kernels for a CPU are made for the
+kind of CPU that compiles them."""
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
     parser = commands.add_parser(
         "compile",
-        help="compile a stage's kernels without rendering it",
+        help="compile a stage's kernels before the first render",
         description=DESCRIPTION,
         epilog=methods_epilog(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("stage", metavar="STAGE", help="a USD file")
+    parser.add_argument("stage", metavar="STAGE", help="the USD file to read")
     add_stage_options(parser)
     add_kernel_options(parser.add_argument_group("how it will be rendered"))
-    group = parser.add_argument_group("what to say")
+    group = parser.add_argument_group("what to print")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
-    group.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    group.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=run)
 
 

@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
     from warpmis.inspection import Effect, Inspection, LightReport
 
-DESCRIPTION = """Read a stage as `render` would, and tell what is in it: counts, bounds, camera, lights with what they
-emit, materials, memory, the effects that its kernel is compiled for with the prim that called for each, and everything
-that was found but is not honoured."""
+DESCRIPTION = """Read a stage as `render` does and report its contents: counts, bounds, camera, the output of each
+light, materials and memory. Also lists the effects of its kernel, each with the prim that calls for it, and everything
+in the stage that is not supported."""
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
     parser = commands.add_parser(
-        "inspect", help="what a stage holds, without rendering it", description=DESCRIPTION, allow_abbrev=False
+        "inspect", help="report what a stage contains", description=DESCRIPTION, allow_abbrev=False
     )
-    parser.add_argument("stage", metavar="STAGE", help="a USD file")
+    parser.add_argument("stage", metavar="STAGE", help="the USD file to read")
     add_stage_options(parser)
-    group = parser.add_argument_group("what to say")
+    group = parser.add_argument_group("what to print")
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     parser.set_defaults(run=run)
 

@@ -37,18 +37,20 @@ def add_parser(commands: Any) -> None:
     """Add the command to what `add_subparsers` returned, whose type argparse keeps private."""
     parser = commands.add_parser(
         "render",
-        help="render one image",
-        description="Render one image.",
+        help="render an image or a sequence",
+        description="Render a stage to an EXR file: one image, a sequence (--frames) or its products (--products).",
         epilog=methods_epilog(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("stage", metavar="STAGE", help="a USD file")
-    parser.add_argument("out", metavar="OUT.exr", nargs="?", help="default: the stage's name + .exr in this folder")
+    parser.add_argument("stage", metavar="STAGE", help="the USD file to render")
+    parser.add_argument(
+        "out", metavar="OUT.exr", nargs="?", help="the file to write (default: the stage's name with .exr)"
+    )
     group = add_stage_options(parser)
     group.add_argument(
         "--frames", "-f", type=frame_list, metavar="A:BxC,D",
-        help="render each of these time codes, such as 1:24 or 1:10x2,20; #### in OUT is the frame's number",
+        help="render a sequence of time codes, such as 1:24 or 1:10x2,20; OUT must contain #### for the frame number",
     )  # fmt: skip
     _add_render_options(parser)
     _add_learn_options(parser)
@@ -60,83 +62,93 @@ def methods_epilog() -> str:
     return "methods:\n" + "".join(f"  {name:<12}{method.summary}\n" for name, method in METHODS.items())
 
 
-def _add_render_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("how to render")
+def _add_budget_options(group: Any) -> None:
+    """How long to render: samples, an error, a time."""
     default = RenderConfig()
     group.add_argument(
         "--spp", type=whole_number, metavar="N",
-        help=f"samples per pixel, learning included ({default.spp}); the most of them with the next two ({CEILING})",
+        help=f"samples per pixel, learning included (default: {default.spp}); at most this many with --target-error or "
+        f"--time-limit (default: {CEILING})",
     )  # fmt: skip
     group.add_argument(
         "--target-error", type=error_share, metavar="PERCENT",
-        help="render until the relative error of the image is below this, such as 1%% (95%% sure, by its own samples)",
+        help="render until the relative error of the image is below this with 95%% confidence, such as 1%%",
     )  # fmt: skip
     group.add_argument(
         "--time-limit", type=time_in_seconds, metavar="SECONDS",
-        help="render for so long: learning and rendering, without loading and compiling",
+        help="stop learning and rendering after this time; loading and compiling do not count",
     )  # fmt: skip
+
+
+def _add_render_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("how to render")
+    _add_budget_options(group)
     add_kernel_options(group)
     group.add_argument(
         "--allocation",
         type=number_list,
         metavar="A,B",
-        help="for --method fixed: each strategy's share, such as 0.5,0.5",
+        help="with --method fixed: the share of each strategy, such as 0.5,0.5",
     )
     group.add_argument(
-        "--mis-compensation", action="store_true", default=None, help="sample a dome by what it has above its mean"
+        "--mis-compensation", action="store_true", default=None, help="sample domes only where they exceed their mean"
     )
     group.add_argument(
         "--shutter-samples",
         type=whole_number,
         metavar="N",
-        help="times within the shutter, for motion blur (1: none)",
+        help="motion blur: average this many times within the shutter (default: 1, no blur)",
     )
     group.add_argument(
         "--denoise",
         action="store_true",
         default=None,
-        help="also a denoised picture (denoised.R, .G, .B); --png shows it",
+        help="also write a denoised picture (denoised.R, .G, .B), which --png shows",
     )
     group.add_argument(
         "--seed",
         type=whole_number,
         metavar="N",
-        help=f"the same seed gives the same image ({default.seed})",
+        help=f"random seed; the same seed gives the same image (default: {RenderConfig().seed})",
     )
     group.add_argument(
-        "--threads", type=whole_number, metavar="N", help="CPU threads (as many as this process may use)"
+        "--threads", type=whole_number, metavar="N", help="CPU threads (default: all that this process may use)"
     )
 
 
 def add_kernel_options(group: Any) -> None:
     """What decides, with the stage, which kernels are compiled."""
     default = RenderConfig()
-    group.add_argument("--method", metavar="NAME", help=f"of those below ({default.method})")
+    group.add_argument(
+        "--method", metavar="NAME", help=f"how to sample, from the list below (default: {default.method})"
+    )
     group.add_argument(
         "--strategies",
         type=name_list,
         metavar="A,B",
-        help=f"of {', '.join(STRATEGIES)} ({','.join(default.strategies)})",
+        help=f"strategies to mix, from {', '.join(STRATEGIES)} (default: {','.join(default.strategies)})",
     )
     group.add_argument(
-        "--strategy-choice", metavar="HOW", help=f"{' or '.join(STRATEGY_CHOICES)} ({default.strategy_choice})"
+        "--strategy-choice",
+        metavar="HOW",
+        help=f"how samples choose a strategy: {' or '.join(STRATEGY_CHOICES)} (default: {default.strategy_choice})",
     )
     group.add_argument(
-        "--sampler", metavar="NAME", help=f"what the paths' numbers are: {' or '.join(SAMPLERS)} ({default.sampler})"
+        "--sampler",
+        metavar="NAME",
+        help=f"where random numbers come from: {' or '.join(SAMPLERS)} (default: {default.sampler})",
     )
     group.add_argument(
         "--max-depth",
         type=whole_number,
         metavar="N",
-        help=f"bounces: 0 emission alone, 1 direct light ({default.max_depth})",
+        help=f"bounces after the camera ray's hit; 0 is emission, 1 direct light (default: {default.max_depth})",
     )
-    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 ({default.device})")
-    group.add_argument(
-        "--ids", action="store_true", default=None, help="also primId, instanceId and elementId into the EXR"
-    )
+    group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 (default: {default.device})")
+    group.add_argument("--ids", action="store_true", default=None, help="also write primId, instanceId and elementId")
     group.add_argument(
         "--features", choices=FEATURES, default=FEATURES[0],
-        help="effects in the kernels: those that the scene calls for, or all, which is slower and for comparison alone",
+        help="effects to compile: those of the scene, or all, which is slower and only for comparison (default: scene)",
     )  # fmt: skip
 
 
@@ -154,31 +166,35 @@ def forced_features(arguments: argparse.Namespace) -> Features | None:
 
 def _add_learn_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how to learn the allocation")
-    group.add_argument("--learn-rounds", type=whole_number, metavar="N", help="rounds, one step each (from --spp)")
-    group.add_argument("--learn-spp", type=whole_number, metavar="N", help="samples per pixel a round (from --spp)")
-    group.add_argument("--initial-allocation", type=number_list, metavar="A,B", help="shares at the start (equal)")
+    group.add_argument(
+        "--learn-rounds", type=whole_number, metavar="N", help="rounds of learning (default: from --spp)"
+    )
+    group.add_argument(
+        "--learn-spp", type=whole_number, metavar="N", help="samples per pixel and round (default: from --spp)"
+    )
+    group.add_argument("--initial-allocation", type=number_list, metavar="A,B", help="first shares (default: equal)")
 
 
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what to write")
-    group.add_argument("--png", metavar="FILE.png", help="also write the image as a PNG, to look at")
+    group.add_argument("--png", metavar="FILE.png", help="also write the image as a PNG")
     group.add_argument(
         "--products", metavar="DIR",
-        help="instead of OUT: write every RenderProduct of the RenderSettings, by its productName, into this folder",
+        help="write every RenderProduct of the RenderSettings into this folder, by its productName, instead of OUT",
     )  # fmt: skip
     group.add_argument(
         "--color-correction-mode", "--colorCorrectionMode", "-color", choices=COLOR_CORRECTIONS, default="sRGB",
-        help="how --png encodes: sRGB, or disabled for linear values (%(default)s)",
+        help="encoding of --png: sRGB, or disabled for linear values (default: %(default)s)",
     )  # fmt: skip
     group.add_argument("--balance-map", metavar="FILE.png", help="also write which strategy gets the samples")
-    group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round, as PNGs")
+    group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round")
     group.add_argument(
         "--explain",
         action="store_true",
-        help="say which effects the kernels hold, and what time and memory the render took",
+        help="report the effects in the kernels, and the time and memory used",
     )
     group.add_argument("--json", action="store_true", help="print one JSON object on standard output")
-    group.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    group.add_argument("--quiet", action="store_true", help="print errors only")
 
 
 def _config(arguments: argparse.Namespace) -> RenderConfig:

@@ -22,34 +22,36 @@ COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 def add_stage_options(parser: argparse.ArgumentParser) -> Any:
     """What to read of the stage, and the group, for those who have more to ask."""
     group = parser.add_argument_group("what to render (as in usdrecord)")
-    group.add_argument("--camera", "-cam", metavar="PRIM", help="camera prim by path or unique name, or frame-all")
+    group.add_argument(
+        "--camera", "-cam", metavar="PRIM", help="camera prim by path or unique name, or frame-all to see everything"
+    )
     group.add_argument(
         "--image-width",
         "--imageWidth",
         "-w",
         type=whole_number,
         metavar="PIXELS",
-        help="height follows from the aspect",
+        help="width of the image; the height follows",
     )
     group.add_argument(
         "--purposes",
         type=purpose_list,
         metavar="A,B",
-        help=f"of {', '.join(PURPOSES)}; default is always included",
+        help=f"purposes to render, from {', '.join(PURPOSES)}; default is always included",
     )
     group.add_argument(
-        "--render-settings-prim-path", "--renderSettingsPrimPath", "-rs", metavar="PRIM", help="RenderSettings prim"
+        "--render-settings-prim-path", "--renderSettingsPrimPath", "-rs", metavar="PRIM", help="RenderSettings to use"
     )
     group.add_argument(
-        "--complexity", "-c", choices=COMPLEXITIES, help="refine subdivision surfaces 0, 1, 2 or 3 times (high)"
+        "--complexity", "-c", choices=COMPLEXITIES, help="refine subdivision 0, 1, 2 or 3 times (default: high)"
     )
     group.add_argument(
-        "--variant", action="append", metavar="/PRIM{SET=VARIANT}", help="select a variant; may be given several times"
+        "--variant", action="append", metavar="/PRIM{SET=VARIANT}", help="select this variant (repeatable)"
     )
-    group.add_argument("--mask", type=name_list, metavar="/A,/B", help="load these prims alone, and what they refer to")
-    group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="a layer stronger than the stage")
+    group.add_argument("--mask", type=name_list, metavar="/A,/B", help="load only these prims and what they refer to")
+    group.add_argument("--session-layer", "--sessionLayer", metavar="FILE", help="open this layer over the stage")
     group.add_argument(
-        "--time", "-t", type=time_code, metavar="T", help="time code (the stage's startTimeCode, else 0)"
+        "--time", "-t", type=time_code, metavar="T", help="time code (default: the stage's startTimeCode, else 0)"
     )
     _add_render_settings_options(parser)
     return group
@@ -57,21 +59,25 @@ def add_stage_options(parser: argparse.ArgumentParser) -> Any:
 
 def _add_render_settings_options(parser: argparse.ArgumentParser) -> None:
     """What a RenderSettings prim can say, and the option beats."""
-    group = parser.add_argument_group("in place of the stage's RenderSettings")
+    group = parser.add_argument_group("instead of the stage's RenderSettings")
     group.add_argument(
         "--disable-depth-of-field", "--disableDepthOfField", action="store_true", default=None,
-        help="every camera is a pinhole",
+        help="make every camera a pinhole",
     )  # fmt: skip
     group.add_argument(
         "--disable-motion-blur", "--disableMotionBlur", action="store_true", default=None,
-        help="every shutter closes at once",
+        help="ignore the shutter interval",
     )  # fmt: skip
     group.add_argument(
-        "--pixel-aspect-ratio", "--pixelAspectRatio", type=number, metavar="R", help="width over height of a pixel (1)"
+        "--pixel-aspect-ratio",
+        "--pixelAspectRatio",
+        type=number,
+        metavar="R",
+        help="width over height of a pixel (default: 1)",
     )
     group.add_argument(
         "--aspect-ratio-conform-policy", "--aspectRatioConformPolicy", metavar="POLICY",
-        help="how the camera's window fits another aspect, such as cropAperture (expandAperture)",
+        help="how the camera's window fits another aspect, such as cropAperture (default: expandAperture)",
     )  # fmt: skip
     group.add_argument(
         "--data-window-ndc", "--dataWindowNDC", type=number_list, metavar="X0,Y0,X1,Y1",
@@ -79,7 +85,7 @@ def _add_render_settings_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--material-binding-purposes", "--materialBindingPurposes", type=binding_purpose_list, metavar="A,B",
-        help="of preview, full and allPurpose: the first that a prim has counts (full,allPurpose)",
+        help="use the first of these that a prim has: preview, full, allPurpose (default: full,allPurpose)",
     )  # fmt: skip
 
 
