@@ -159,12 +159,16 @@ def test_texels_that_are_no_radiance_become_zero_with_a_warning(tmp_path):
 def test_missing_broken_and_odd_pictures_leave_the_plain_color_with_one_warning(tmp_path):
     (tmp_path / "noise.exr").write_bytes(b"\x76\x2f\x31\x01" + b"\x00" * 40)
     (tmp_path / "noise.hdr").write_bytes(b"not a picture at all")
+    (tmp_path / "empty.exr").touch()
+    (tmp_path / "folder.exr").mkdir()
     write_exr(tmp_path / "sky.exr")
     odd = 'token inputs:texture:format = "fishEye"'
     for name, body, word in (
-        ("nowhere.exr", "", "does not exist"),
-        ("noise.exr", "", "plain color"),
-        ("noise.hdr", "", "plain color"),
+        ("nowhere.exr", "", "nowhere.exr does not exist"),
+        ("noise.exr", "", f"plain color: {tmp_path / 'noise.exr'} cannot be decoded: damaged OpenEXR file"),
+        ("noise.hdr", "", f"plain color: {tmp_path / 'noise.hdr'} cannot be decoded"),
+        ("empty.exr", "", f"plain color: {tmp_path / 'empty.exr'} is empty"),
+        ("folder.exr", "", f"plain color: {tmp_path / 'folder.exr'} cannot be opened"),
         ("sky.exr", odd, "fishEye"),
     ):
         scene = load(dome_with(tmp_path / name, body + "\nfloat inputs:intensity = 3"))

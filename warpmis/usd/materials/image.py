@@ -77,7 +77,10 @@ def read_stored(resolved_path: str) -> Picture:
     """
     data = asset_bytes(resolved_path)
     suffix = Path(resolved_path).suffix or ".img"
-    picture = Picture(_decode_exr(data)) if data[:4] == EXR_MAGIC else _decode_other(data, suffix)
+    try:
+        picture = Picture(_decode_exr(data)) if data[:4] == EXR_MAGIC else _decode_other(data, suffix)
+    except PictureError as error:
+        raise PictureError(f"{resolved_path} cannot be decoded: {error}") from None
     if picture.pixels.ndim != 3 or 0 in picture.pixels.shape:
         raise PictureError(f"{resolved_path} holds no pixels")
     return picture
@@ -118,10 +121,11 @@ def _decode_exr(data: bytes) -> Float32Array:
         channels = OpenEXR.File(io.BytesIO(data), separate_channels=True).channels()
         planes = {name.rsplit(".", 1)[-1]: channel.pixels for name, channel in reversed(channels.items())}
     except Exception as error:  # the binding raises RuntimeError, TypeError and others for damaged files
-        raise PictureError(f"EXR cannot be decoded: {' '.join(str(error).split())}") from None
+        reason = " ".join(word for word in str(error).split() if "<python_buffer>" not in word)
+        raise PictureError(f"damaged OpenEXR file: {reason}") from None
     names = next((names for names in EXR_CHANNELS if set(names) <= set(planes)), "")
     if not names:
-        raise PictureError(f"EXR has neither R, G, B nor Y, only {', '.join(channels)}")
+        raise PictureError(f"it has neither R, G, B nor Y, only {', '.join(channels)}")
     return np.stack([planes[name] for name in names], axis=-1).astype(np.float32)
 
 
@@ -157,7 +161,7 @@ def _decode_other(data: bytes, suffix: str) -> Picture:
 def _reason(message: Any) -> str:
     """A decoder's message in one line, without the name of the temporary file."""
     words = [word for word in str(message).split() if tempfile.gettempdir() not in word]
-    return " ".join(words) or "the picture cannot be decoded"
+    return " ".join(words) or "damaged, or of an unknown format"
 
 
 def _as_rgb(pixels: Float32Array) -> Float32Array:

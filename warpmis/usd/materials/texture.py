@@ -74,8 +74,7 @@ class TextureReader:
         try:
             picture = read_stored(path)
         except PictureError as error:
-            reason = str(error) if path in str(error) else f"{path}: {error}"
-            self.reading.warn(prim_path, f"the texture cannot be read: {reason}; its fallback is used")
+            self.reading.warn(prim_path, f"the texture cannot be read: {error}; its fallback is used")
             return None
         pixels = picture.pixels
         invalid = ~np.isfinite(pixels).all(axis=-1) if pixels.dtype == np.float32 else np.zeros(1, bool)
