@@ -2,7 +2,8 @@
 
     python scripts/fuzz_stages.py [--count 10000] [--first 0] [--render-every 10] [--keep FOLDER]
 
-The text of number N follows from N alone: a scene of usd_scenes or one of the texts below, mutated one to four times.
+The text of number N follows from N alone: prims of USD's schemas with any attributes (fuzz_schemas.py), or a scene of
+usd_scenes or one of fuzz_texts.py, mutated one to four times: numbers, words, lines, types of attributes, targets.
 Worker processes read them; one that dies, hangs or raises anything but a WarpmisError names the text that did it, and
 the next one goes on behind it. NumPy's warnings count as errors. `--print N` writes a text. Exit status 1 if any fell.
 """
@@ -24,6 +25,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))
+from fuzz_schemas import INTEGERS, NUMBERS, PATHS, any_type, literal, schema_text
+from fuzz_texts import TEXTS
+
 USD_SCENES = Path(__file__).parents[1] / "usd_scenes"
 
 # Seconds that one text may take, on a machine with other work; the first render compiles its kernel.
@@ -33,166 +38,20 @@ PATIENCE_OF_FIRST = 480.0
 # Texts longer than this are read coarsely, or most of the time would go into tessellating their spheres.
 FINE = 5000
 
-TEXTS = {
-    "subdivided": """#usda 1.0
-(
-    defaultPrim = "Cage"
-    upAxis = "Z"
-    metersPerUnit = 0.01
-)
-def Mesh "Cage" {
-    uniform token subdivisionScheme = "catmullClark"
-    uniform token interpolateBoundary = "edgeAndCorner"
-    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
-    int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4, 4, 5, 7, 6, 6, 7, 1, 0, 1, 7, 5, 3, 6, 0, 2, 4]
-    point3f[] points = [(-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1),
-        (-1, 1, -1), (1, 1, -1), (-1, -1, -1), (1, -1, -1)]
-    int[] cornerIndices = [0]
-    float[] cornerSharpnesses = [10]
-    int[] creaseIndices = [1, 3, 5]
-    int[] creaseLengths = [3]
-    float[] creaseSharpnesses = [2.5]
-    int[] holeIndices = [5]
-    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
-        interpolation = "faceVarying"
-    )
-    int[] primvars:st:indices = [0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3]
-}
-""",
-    "instances": """#usda 1.0
-(
-    startTimeCode = 1
-    endTimeCode = 10
-)
-def PointInstancer "Many" {
-    int[] protoIndices = [0, 1, 0]
-    point3f[] positions = [(0, 0, 0), (2, 0, 0), (4, 0, 0)]
-    quath[] orientations = [(1, 0, 0, 0), (0.7, 0.7, 0, 0), (0, 1, 0, 0)]
-    float3[] scales = [(1, 1, 1), (0.5, 0.5, 0.5), (1, 2, 1)]
-    int64[] invisibleIds = [2]
-    rel prototypes = [</Many/Ball>, </Many/Rod>]
-    def Sphere "Ball" {
-        double radius = 0.5
-    }
-    def Cylinder "Rod" {
-        double height = 2
-        double radius = 0.2
-        uniform token axis = "X"
-    }
-}
-def BasisCurves "Hair" {
-    uniform token type = "cubic"
-    uniform token basis = "bspline"
-    uniform token wrap = "nonperiodic"
-    int[] curveVertexCounts = [5, 4]
-    point3f[] points = [(0, 0, 0), (0, 1, 0), (0, 2, 1), (0, 3, 0), (1, 3, 0),
-        (2, 0, 0), (2, 1, 0), (2, 2, 1), (2, 3, 0)]
-    float[] widths = [0.1] (
-        interpolation = "constant"
-    )
-}
-def Points "Dust" {
-    point3f[] points.timeSamples = {
-        1: [(0, 0, 3), (1, 0, 3)],
-        10: [(0, 1, 3), (1, 1, 3)],
-    }
-    float[] widths = [0.1, 0.2]
-    color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)] (
-        interpolation = "vertex"
-    )
-}
-""",
-    "lights": """#usda 1.0
-(
-    renderSettingsPrimPath = "/Render/Settings"
-)
-def Cube "Box" (
-    prepend apiSchemas = ["MaterialBindingAPI"]
-)
-{
-    rel material:binding = </Look>
-}
-def Material "Look" {
-    token outputs:surface.connect = </Look/Surface.outputs:surface>
-    def Shader "Surface" {
-        uniform token info:id = "UsdPreviewSurface"
-        color3f inputs:diffuseColor.connect = </Look/Picture.outputs:rgb>
-        color3f inputs:emissiveColor = (0.1, 0, 0)
-        float inputs:metallic = 0.2
-        float inputs:roughness = 0.4
-        float inputs:opacity = 0.5
-        float inputs:ior = 1.5
-        float inputs:clearcoat = 0.5
-        token outputs:surface
-    }
-    def Shader "Picture" {
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @nowhere.png@
-        float2 inputs:st = (0.3, 0.4)
-        float4 inputs:fallback = (1, 0, 0, 1)
-        token inputs:wrapS = "mirror"
-        float3 outputs:rgb
-    }
-}
-def DiskLight "Disk" (
-    prepend apiSchemas = ["ShapingAPI"]
-)
-{
-    float inputs:radius = 0.5
-    float inputs:intensity = 3
-    float inputs:shaping:cone:angle = 30
-    float inputs:shaping:cone:softness = 0.2
-    float inputs:shaping:focus = 2
-    double3 xformOp:translate = (0, 0, 4)
-    uniform token[] xformOpOrder = ["xformOp:translate"]
-}
-def CylinderLight "Tube" {
-    float inputs:length = 2
-    float inputs:radius = 0.1
-    bool inputs:normalize = 1
-    float inputs:colorTemperature = 3000
-    bool inputs:enableColorTemperature = 1
-    matrix4d xformOp:transform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 3, 2, 1))
-    uniform token[] xformOpOrder = ["xformOp:transform"]
-}
-def DistantLight "Sun" {
-    float inputs:angle = 0.53
-    float inputs:exposure = 2
-    float3 xformOp:rotateXYZ = (-45, 10, 0)
-    uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]
-    rel collection:lightLink:includes = </Box>
-    uniform token collection:lightLink:expansionRule = "expandPrims"
-}
-def DomeLight "Sky" {
-    color3f inputs:color = (0.4, 0.5, 0.6)
-    asset inputs:texture:file = @nowhere.hdr@
-    token inputs:texture:format = "latlong"
-}
-def Camera "Camera" {
-    float focalLength = 35
-    float fStop = 4
-    float focusDistance = 10
-    float2 clippingRange = (0.1, 1000)
-    token projection = "perspective"
-    double3 xformOp:translate = (0, 0, 10)
-    uniform token[] xformOpOrder = ["xformOp:translate"]
-}
-def "Render" {
-    def RenderSettings "Settings" {
-        rel camera = </Camera>
-        uniform int2 resolution = (8, 6)
-        uniform float pixelAspectRatio = 1
-        uniform float4 dataWindowNDC = (0, 0, 1, 1)
-    }
-}
-""",
-}
-
-INTEGERS = ["0", "1", "-1", "2", "3", "-7", "255", "256", "65536", "2147483647", "-2147483648"]
-NUMBERS = ["0", "-0", "1", "-1", "0.5", "1e-30", "1e30", "-1e30", "1e300", "1e-300", "nan", "inf", "-inf", "1e19"]
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 STRING = re.compile(r'"[^"\n]*"')
 WORD = re.compile(r"[A-Za-z_]\w*")
+# An attribute up to its value, a relationship up to its targets, and what they begin with.
+ATTRIBUTE = re.compile(
+    r"^(?P<head>[ \t]*(?:(?:custom|uniform|prepend)[ \t]+)*)(?!rel\b|def\b|over\b|class\b)"
+    r"(?P<type>[A-Za-z]\w*(?:\[\])?)(?P<name>[ \t]+[\w:]+)(?P<samples>\.timeSamples)?[ \t]*=[ \t]*",
+    re.MULTILINE,
+)
+LINES = ("line twice", "line lost", "lines swapped")
+TARGET = re.compile(r"<[^>\n]*>")
+RELATIONSHIP = re.compile(
+    r"^(?P<head>[ \t]*(?:(?:custom|uniform|prepend)[ \t]+)*)rel(?P<name>[ \t]+[\w:]+)", re.MULTILINE
+)
 
 
 # ---- texts ----------------------------------------------------------------------------------------------------------
@@ -214,12 +73,68 @@ def replaced(rng: random.Random, text: str, pattern: re.Pattern[str], others: li
     return text[: one.start()] + rng.choice(others) + text[one.end() :]
 
 
+def retyped(rng: random.Random, text: str) -> str:
+    """One attribute of another type, with a value of that type."""
+    found = list(ATTRIBUTE.finditer(text))
+    if not found:
+        return text
+    one, type_name = rng.choice(found), any_type(rng)
+    value = literal(rng, type_name)
+    if one["samples"]:
+        value = f"{{ 0: {value}, 1: {literal(rng, type_name)} }}"
+    head = f"{one['head']}{type_name}{one['name']}{one['samples'] or ''} = "
+    return text[: one.start()] + head + value + text[end_of_value(text, one.end()) :]
+
+
+def related(rng: random.Random, text: str) -> str:
+    """One attribute as a relationship, or the other way round."""
+    attributes, relationships = list(ATTRIBUTE.finditer(text)), list(RELATIONSHIP.finditer(text))
+    if relationships and (not attributes or rng.random() < 0.5):
+        one, type_name = rng.choice(relationships), any_type(rng)
+        line_end = text.find("\n", one.end())
+        return (
+            f"{text[: one.start()]}{one['head']}{type_name}{one['name']} = {literal(rng, type_name)}{text[line_end:]}"
+        )
+    if not attributes:
+        return text
+    one = rng.choice(attributes)
+    return f"{text[: one.start()]}rel{one['name']} = {rng.choice(PATHS)}{text[end_of_value(text, one.end()) :]}"
+
+
+def end_of_value(text: str, start: int) -> int:
+    """Where the value that begins at `start` ends: at the bracket that closes its first one, or before what follows."""
+    depth, quote = 0, ""
+    for at in range(start, len(text)):
+        letter = text[at]
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in '"@':
+            quote = letter
+        elif letter in "([{":
+            if depth == 0 and letter == "(" and at > start:
+                return at  # metadata
+            depth += 1
+        elif letter in ")]}":
+            depth -= 1
+            if depth == 0:
+                return at + 1
+        elif depth == 0 and letter == "\n":
+            return at
+    return len(text)
+
+
 def mutated(rng: random.Random, text: str) -> str:
     """The text with one thing wrong: mostly a value, so that most texts can still be parsed."""
     kind = rng.choices(
-        ("evil number", "other number", "string", "word", "line twice", "line lost", "lines swapped", "character"),
-        (8, 4, 3, 1, 2, 1, 1, 1),
+        ("evil number", "other number", "type", "target", "relation", "string", "word", "character", *LINES),
+        (8, 4, 8, 2, 1, 3, 1, 1, 2, 1, 1),
     )[0]
+    if kind == "type":
+        return retyped(rng, text)
+    if kind == "target":
+        return replaced(rng, text, TARGET, PATHS)
+    if kind == "relation":
+        return related(rng, text)
     if kind == "evil number":
         return replaced(rng, text, NUMBER, rng.choice((INTEGERS, NUMBERS)))
     if kind == "other number":
@@ -244,6 +159,9 @@ def mutated(rng: random.Random, text: str) -> str:
 
 def text_of(number: int) -> str:
     rng = random.Random(number)
+    if rng.random() < 0.4:
+        text = schema_text(rng)
+        return mutated(rng, text) if rng.random() < 0.3 else text
     text = rng.choice(seeds())
     for _ in range(rng.randrange(1, 5)):
         text = mutated(rng, text)
@@ -269,6 +187,8 @@ def work(first: int, end: int, render_every: int) -> None:
             text = text_of(number)
             path.write_text(text, encoding="utf-8")
             try:
+                if "RenderProduct" in text:
+                    read_products_of(path)
                 scene = warpmis.load_stage(path, width=4, complexity="high" if len(text) < FINE else "low")
                 if number % render_every == 0 and max(scene.resolution) <= 64:
                     check(warpmis.render(scene, spp=1, method="nee", features=Features.all(), threads=1))
@@ -279,6 +199,16 @@ def work(first: int, end: int, render_every: int) -> None:
                 said = "raised " + traceback.format_exc(limit=-4).replace("\n", " | ")
             path.unlink()
             print("went", number, said, flush=True)
+
+
+def read_products_of(path: Path) -> None:
+    import warpmis
+    from warpmis.usd.products import read_products
+
+    try:
+        read_products(path)
+    except warpmis.WarpmisError as error:
+        assert len(str(error).splitlines()) == 1, str(error)
 
 
 def check(result: object) -> None:

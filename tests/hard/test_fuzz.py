@@ -46,6 +46,8 @@ def test_what_falls_is_told(fuzz_stages: Any, tmp_path: Path, monkeypatch: pytes
         "    raise WarpmisError('no')\n"
     )
     (package / "scene" / "features.py").write_text("Features = None\n")
+    (package / "usd").mkdir()
+    (package / "usd" / "products.py").write_text("def read_products(path): return ()\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(fuzz_stages, "PATIENCE", 8.0)
     monkeypatch.setattr(fuzz_stages, "PATIENCE_OF_FIRST", 90.0)

@@ -32,7 +32,9 @@ def prepare_directions(root: Any, reading: Reading) -> None:
             try:
                 _write_normals(prim, reading)
                 if any(UsdGeom.PrimvarsAPI(prim).HasPrimvar(name) for name in TANGENTS):
-                    _write_tangents(prim, point_turns(target, skeleton, reading), reading)
+                    turns = point_turns(target, skeleton, reading)
+                    if turns is not None:
+                        _write_tangents(prim, turns, reading)
             except PxrError:
                 reading.warn(prim.GetPath(), "its normals and tangents cannot be skinned")
 
@@ -78,18 +80,23 @@ def _spread(
     return values, interpolation
 
 
-def point_turns(target: Any, skeleton: Any, reading: Reading) -> FloatArray:
-    """What skinning does to a direction at each point, a row vector in the mesh's space, shape (n, 3, 3).
+def point_turns(target: Any, skeleton: Any, reading: Reading) -> FloatArray | None:
+    """What skinning does to a direction at each point, a row vector in the mesh's space, shape (n, 3, 3); None where
+    the mesh cannot be skinned.
 
     Skinning is affine at each point, so its linear part is what it does to the axes less what it does to the origin.
     """
     prim, time = target.GetPrim(), reading.time
     count = len(reading.vectors(UsdGeom.Mesh(prim).GetPointsAttr()))
-    indices, weights = target.ComputeVaryingJointInfluences(count, time)
-    joints = skeleton.ComputeSkinningTransforms(time)
+    influences, joints = target.ComputeVaryingJointInfluences(count, time), skeleton.ComputeSkinningTransforms(time)
     mapper = target.GetJointMapper()
-    if mapper:
+    if mapper and joints:
         joints = mapper.RemapTransforms(joints)
+    if not influences or not joints:
+        return None
+    indices, weights = influences
+    if not _is_sound(indices, weights, count * target.GetNumInfluencesPerComponent(), len(joints)):
+        return None
     moved = []
     for corner in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)):
         points = Vt.Vec3fArray(count, Gf.Vec3f(*corner))
@@ -104,6 +111,14 @@ def point_turns(target: Any, skeleton: Any, reading: Reading) -> FloatArray:
         transforms.GetLocalToWorldTransform(skeleton.GetPrim()) * transforms.GetLocalToWorldTransform(prim).GetInverse()
     )
     return in_skeleton @ np.array(to_mesh)[:3, :3]
+
+
+def _is_sound(indices: Any, weights: Any, count: int, joints: int) -> bool:
+    """Whether there are so many influences, each of a joint that there is."""
+    found = np.asarray(indices)
+    if not count or len(found) != count or len(weights) != count:
+        return False
+    return bool(found.min() >= 0 and found.max() < joints)
 
 
 def _write_tangents(prim: Any, turns: FloatArray, reading: Reading) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pxr import Gf, Usd, UsdSkel
 
-from warpmis.usd.reading import PxrError, Reading
+from warpmis.usd.reading import PxrError, Reading, one_line
 from warpmis.usd.shapes.skinned_vectors import prepare_directions
 
 # What leads from a skinned prim to what poses it, and what becomes of the prim without. Of skel:skeleton pxr warns.
@@ -35,9 +35,7 @@ def bake_skinning(reading: Reading) -> None:
         if prim.IsA(UsdSkel.Animation):
             for name in ANIMATED:
                 attribute = prim.GetAttribute(name)
-                value = reading.get(attribute)
-                if value is not None:
-                    attribute.Set(value, time)
+                _set_sample(attribute, reading)
         for name, otherwise in RELATED.items():
             reading.targets(prim.GetRelationship(name), otherwise)
     for prim in [prim for prim in _prims(stage) if prim.IsA(UsdSkel.Root)]:
@@ -48,6 +46,16 @@ def bake_skinning(reading: Reading) -> None:
             baked = False
         if not baked:
             reading.warn(prim.GetPath(), "its skinning cannot be computed; its meshes are rendered in their bind pose")
+
+
+def _set_sample(attribute: Any, reading: Reading) -> None:
+    """Writes the value that the attribute has at the reading's time as its sample there."""
+    value = reading.get(attribute)
+    try:
+        if value is not None:
+            attribute.Set(value, reading.time)
+    except PxrError as error:  # of another precision, of which UsdSkel makes nothing either
+        reading.warn(attribute.GetPath(), f"left out: {one_line(error)}")
 
 
 def _prims(stage: Any) -> Any:
