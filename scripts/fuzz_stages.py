@@ -165,6 +165,8 @@ def text_of(number: int) -> str:
     text = rng.choice(seeds())
     for _ in range(rng.randrange(1, 5)):
         text = mutated(rng, text)
+    while text in seeds():  # a mutation that found nothing to change
+        text = mutated(rng, text)
     return text
 
 

@@ -216,3 +216,70 @@ def test_a_relationship_to_nowhere_is_a_warning_and_the_rest_is_rendered(name, t
 def test_a_connection_to_nowhere_is_a_warning():
     scene = load(textured("nowhere.png", inputs="float inputs:roughness.connect = </M/Gone.outputs:r>"))
     assert mentions(scene, "/M/S.inputs:roughness", "/M/Gone.outputs:r", "does not exist")
+
+
+CHARACTER = """def SkelRoot "Root"
+{
+    def Skeleton "Skel" ( prepend apiSchemas = ["SkelBindingAPI"] )
+    {
+        uniform token[] joints = ["A"]
+        uniform matrix4d[] bindTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        uniform matrix4d[] restTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        rel skel:animationSource = </Root/Skel/Move>
+        def SkelAnimation "Move"
+        {
+            uniform token[] joints = ["A"]
+            float3[] translations = [(0, 0, 1)]
+            quatf[] rotations = [(1, 0, 0, 0)]
+            half3[] scales = [(1, 1, 1)]
+            uniform token[] blendShapes = ["Out"]
+            float[] blendShapeWeights = [1]
+        }
+    }
+    def Mesh "Skin" ( prepend apiSchemas = ["SkelBindingAPI"] )
+    {
+        SQUARE
+        rel skel:skeleton = </Root/Skel>
+        int[] primvars:skel:jointIndices = [0, 0, 0, 0] ( interpolation = "vertex" )
+        float[] primvars:skel:jointWeights = [1, 1, 1, 1] ( interpolation = "vertex" )
+        vector3f[] primvars:tangents = [(1, 0, 0)] ( interpolation = "constant" )
+        uniform token[] skel:blendShapes = ["Out"]
+        rel skel:blendShapeTargets = </Root/Skin/Out>
+        def BlendShape "Out"
+        {
+            uniform vector3f[] offsets = [(0, 0, 1)]
+            uniform vector3f[] normalOffsets = [(0, 0, 1)]
+            uniform int[] pointIndices = [0]
+        }
+    }
+}
+def Cube "Other"
+{
+}
+""".replace("SQUARE", SQUARE)
+SKINNING = {
+    "/Root/Skel": ("joints", "bindTransforms", "restTransforms"),
+    "/Root/Skel/Move": ("joints", "blendShapes", "translations", "rotations", "scales", "blendShapeWeights"),
+    "/Root/Skin/Out": ("offsets", "normalOffsets", "pointIndices"),
+    "/Root/Skin": (
+        *("primvars:skel:jointIndices", "primvars:skel:jointWeights", "primvars:skel:geomBindTransform"),
+        *("primvars:skel:skinningMethod", "skel:joints", "skel:blendShapes", "primvars:tangents"),
+    ),
+}
+
+
+@pytest.mark.parametrize(("path", "name"), [(path, name) for path in SKINNING for name in SKINNING[path]])
+def test_what_skinning_reads_of_a_wrong_type_is_a_warning_with_its_path(path, name):
+    for kind, (type_of_value, value) in WRONG.items():
+        if (kind, name) in (("matrix", "primvars:skel:geomBindTransform"), ("text", "primvars:skel:skinningMethod")):
+            continue
+        stage = stage_of(CHARACTER)
+        layer = stage.GetRootLayer()
+        spec = layer.GetPrimAtPath(path)
+        if layer.GetAttributeAtPath(f"{path}.{name}"):
+            spec.RemoveProperty(layer.GetAttributeAtPath(f"{path}.{name}"))
+        wanted = Sdf.ValueTypeNames.Find(type_of_value)
+        Sdf.AttributeSpec(spec, name, wanted).default = wanted.type.pythonClass(value) if kind == "matrix" else value
+        scene = load_stage(stage, width=8)
+        assert any(line.startswith(f"{path}.{name}: ") for line in scene.warnings), (kind, scene.warnings)
+        assert any(prim.path == "/Other" for prim in scene.prims)

@@ -127,10 +127,10 @@ def is_alike(value: Any, expected: Any) -> bool:
     """Whether a value is of the expected one's type, or numbers of its kind and shape, whatever their precision."""
     if type(value) is type(expected):
         return True
-    return _is_array(value) == _is_array(expected) and _is_convertible(np.asarray(value), np.asarray(expected))
+    return is_array(value) == is_array(expected) and _is_convertible(np.asarray(value), np.asarray(expected))
 
 
-def _is_array(value: Any) -> bool:
+def is_array(value: Any) -> bool:
     """Whether it is one of pxr's arrays: a matrix is none, though it looks like four rows."""
     return type(value).__name__.endswith("Array")
 

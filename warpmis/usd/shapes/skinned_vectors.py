@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
 
-from warpmis.usd.reading import PxrError, Reading
+from warpmis.usd.reading import PxrError, Reading, is_array
 
 FloatArray = NDArray[np.float64]
 
@@ -125,8 +125,13 @@ def _write_tangents(prim: Any, turns: FloatArray, reading: Reading) -> None:
     mesh = UsdGeom.Mesh(prim)
     for name in TANGENTS:
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
-        values = np.asarray(reading.value(primvar.GetAttr()) if primvar else None)
-        if values.dtype.kind != "f" or values.ndim != 2 or values.shape[1] not in (3, 4):
+        if not primvar:
+            continue
+        authored = reading.value(primvar.GetAttr())
+        values = np.asarray(authored)
+        is_sound = is_array(authored) and values.dtype.kind == "f" and values.ndim == 2
+        if not is_sound or values.shape[1] not in (3, 4):
+            reading.warn(primvar.GetAttr().GetPath(), "it is not skinned: it is of the wrong type")
             continue
         indices = reading.indices(primvar.GetIndicesAttr()) if primvar.IsIndexed() else None
         spread = _spread(mesh, values.astype(np.float64), indices, str(primvar.GetInterpolation()), reading)

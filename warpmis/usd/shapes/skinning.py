@@ -14,6 +14,16 @@ RELATED = {
     "skel:animationSource": "it stays in its rest pose",
     "skel:blendShapeTargets": "it is not used",
 }
+# What UsdSkel reads and leaves out silently where it is of the wrong type, by schema.
+READ = {
+    "Skeleton": ("joints", "bindTransforms", "restTransforms"),
+    "SkelAnimation": ("joints", "blendShapes"),
+    "BlendShape": ("offsets", "normalOffsets", "pointIndices"),
+}
+READ_OF_BINDINGS = (
+    *("primvars:skel:jointIndices", "primvars:skel:jointWeights", "primvars:skel:geomBindTransform"),
+    *("primvars:skel:skinningMethod", "skel:joints", "skel:blendShapes"),
+)
 ANIMATED = ("translations", "rotations", "scales", "blendShapeWeights")
 
 
@@ -36,6 +46,9 @@ def bake_skinning(reading: Reading) -> None:
             for name in ANIMATED:
                 attribute = prim.GetAttribute(name)
                 _set_sample(attribute, reading)
+        bound = READ_OF_BINDINGS if prim.HasAPI(UsdSkel.BindingAPI) else ()
+        for name in (*READ.get(str(prim.GetTypeName()), ()), *bound):
+            reading.get(prim.GetAttribute(name))
         for name, otherwise in RELATED.items():
             reading.targets(prim.GetRelationship(name), otherwise)
     for prim in [prim for prim in _prims(stage) if prim.IsA(UsdSkel.Root)]:
