@@ -77,12 +77,12 @@ class LearnConfig:
     """How the allocation is learned.
 
     Attributes:
-        rounds: number of learn rounds, each ending with a step of the method's solver; None takes one more for every
-            doubling of the budget, up to the method's limit, since a step from few samples is worse than none
-            (scripts/bench/learning.py).
-        spp: samples per pixel a round; None spends the method's share of the whole budget on learning.
+        rounds: number of learn rounds; each ends with one step of the method's solver. None takes 1 below 256 samples
+            per pixel and one more for every doubling, up to the method's limit. A step from few samples is worse than
+            none (scripts/bench/learning.py).
+        spp: samples per pixel and round; None spends the method's share of the budget on learning.
         initial_allocation: share of each strategy before the first round, or None for equal shares.
-        keep_maps: keep every round's allocation (RenderResult.round_allocations), not the last one alone.
+        keep_maps: keep the allocation of every round in RenderResult.round_allocations.
     """
 
     rounds: int | None = None
@@ -108,25 +108,25 @@ class RenderConfig:
     """Settings of one render.
 
     Attributes:
-        width: image width [pixel], height following from the stage's aspect; None takes the stage's resolution.
-        spp: samples per pixel in all, learning included, or the most of them with a target error or a time limit; None
-            takes 256, or at most 262144.
-        method: one of METHODS.
+        width: image width [pixel]; the height follows from the stage's aspect. None takes the stage's resolution.
+        spp: samples per pixel, learning included; None takes 256. With a target error or a time limit: at most this
+            many, and None takes 262144.
+        method: one of METHODS; `warpmis render --help` explains them.
         strategies: the sampling strategies of the mixture, in the order of the allocation's last axis.
             Method "bsdf" makes it ("bsdf",).
         allocation: for method "fixed": shares, shape (S,) or (H, W, S); kept as a float32 copy that sums to 1.
         max_depth: bounces after the camera ray's hit; 0 is emission alone, 1 direct light.
-        seed: the image is a function of the scene, the settings and this number; 0 to 2^32 - 1.
+        seed: from 0 to 2^32 - 1; the same scene, settings and seed give the same image.
         device: a Warp device, "cpu" or "cuda:0".
-        target_error: render until the relative error (metrics.py) is below this, 0.01 is 1 % (stopping.py).
-        time_limit: render until learning and rendering have taken so long [s].
-        threads: CPU threads; None takes what the process may use.
-        strategy_choice: "stratified" spreads each pixel's samples evenly over the shares, and over the lights and lobes
-            that the first vertex chooses among; "random" draws each anew.
-        sampler: "lattice": up to the first vertex numbers that fill each pixel evenly; "independent": none do.
-        ids: also tell which prim, place and face the middle of each pixel sees.
-        mis_compensation: sample a dome's picture by what it has above its mean; BSDF sampling finds the rest.
-        learn: for the methods that learn.
+        target_error: render until the relative error is below this with 95 % confidence; 0.01 is 1 %.
+        time_limit: stop learning and rendering after this time [s].
+        threads: CPU threads; None takes all that the process may use.
+        strategy_choice: "stratified" spreads each pixel's samples evenly over strategies, lights and lobes at the first
+            vertex; "random" chooses anew for each sample.
+        sampler: "lattice" uses evenly spread numbers up to the first vertex; "independent" uses independent ones.
+        ids: also find the prim, the instance and the face that the middle of each pixel sees.
+        mis_compensation: sample a dome's picture only where it exceeds its mean; BSDF sampling finds the rest.
+        learn: settings of the methods that learn.
     """
 
     width: int | None = None

@@ -14,15 +14,15 @@ class WarpmisError(Exception):
 
 
 class ConfigError(WarpmisError):
-    """A setting that cannot be honoured: unknown method, impossible sample budget, allocation off the simplex."""
+    """A setting is impossible: an unknown method, too small a budget, an allocation that does not sum to 1."""
 
 
 class StageError(WarpmisError):
-    """A stage that cannot be rendered: missing, unreadable, empty, or without the camera that was asked for.
+    """A stage cannot be rendered: it is missing, unreadable or empty, or has no such camera.
 
     Args:
         message: what is wrong and what to do about it, in one line.
-        prim_path: the prim concerned, or the stage's file name where no prim is.
+        prim_path: the prim concerned, or else the stage's file name.
         warnings: what was found before, which may explain it; the error's text quotes the first of them.
     """
 
@@ -42,9 +42,9 @@ class StageError(WarpmisError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """A render that was interrupted with samples taken: `result` is the RenderResult of those.
+    """Ctrl-C stopped a render that has samples: `result` is its RenderResult so far.
 
-    A KeyboardInterrupt, so that it ends what a plain one would end.
+    It is a KeyboardInterrupt, so it ends what a plain one would end.
     """
 
     def __init__(self, result: Any) -> None:

@@ -11,13 +11,14 @@ class Progress:
 
     Attributes:
         phase: "load", "compile", "learn" or "render".
-        done: pixel samples of the whole run that are finished, learning included.
-        total: pixel samples of the whole run; 0 while it is not known yet.
-        samples: pixel samples taken within `seconds`: their quotient is the speed.
+        done: finished pixel samples of the whole run, learning included.
+        total: pixel samples of the whole run, or 0 if not known yet.
+        samples: pixel samples taken within `seconds`; samples / seconds is the speed.
         seconds: time that `samples` took [s].
-        detail: where in the phase, such as "round 3/8".
-        relative_error, standard_error: of the picture so far, where a stopping rule watches it.
-        seconds_left: until the stopping rule is expected to end the render [s].
+        detail: the place within the phase, such as "round 3/8".
+        relative_error: error of the picture so far, with a target error or a time limit; 0.02 is 2 %.
+        standard_error: of `relative_error`.
+        seconds_left: expected time until the stopping rule ends the render [s].
     """
 
     phase: str

@@ -76,20 +76,19 @@ def render(
 ) -> RenderResult:
     """Render a stage.
 
-    None leaves a setting to the stage's RenderSettings, where they have it, else to its default.
+    A setting that is None comes from the stage's RenderSettings if they author it, and else from the default.
+
+    The arguments from `camera` to `material_binding_purposes` say how to read the stage, as in `load_stage`. They are not
+    for a Scene, which has been read already. `learn_rounds`, `learn_spp`, `initial_allocation` and `keep_maps` are the
+    fields of LearnConfig, one at a time.
 
     Args:
         stage: path of a USD file, a Usd.Stage, or a Scene.
-        camera, time, purposes, render_settings, product, complexity, variants, mask, session_layer,
-            disable_depth_of_field, disable_motion_blur, pixel_aspect_ratio, aspect_ratio_conform_policy,
-            data_window_ndc, material_binding_purposes: what to read of the stage and how, as in load_stage. Not for a
-            Scene, which has been read already.
-        shutter_samples: the number of times within the camera's shutter interval at which the stage is read, for motion
-            blur; 1 for none.
-        denoise: render two independent halves, and make a second picture of them without noise (extra 'denoise').
+        shutter_samples: motion blur: average this many times within the camera's shutter interval; 1 for none.
+        denoise: also make a denoised picture, from two independent halves of the render (extra `denoise`).
         width: image width [pixel].
-        spp: samples per pixel, learning included (256); the upper limit with a target error or a time limit (262144).
-        target_error: render until the relative error is below this, 0.01 is 1 %.
+        spp: samples per pixel, learning included (256); at most this many with a target error or a time limit (262144).
+        target_error: render until the relative error is below this with 95 % confidence; 0.01 is 1 %.
         time_limit: stop learning and rendering after this time [s].
         method: how samples are shared between the strategies ("auto"); `warpmis render --help` lists them.
         strategies: the sampling strategies (("bsdf", "light")).
@@ -102,18 +101,16 @@ def render(
         ids: also find the prim, the instance and the face that each pixel sees (False).
         device: "cpu" (the default) or "cuda:0".
         threads: CPU threads; None for all that this process may use.
-        learn_rounds, learn_spp, initial_allocation, keep_maps: how the allocation is learned, one setting at a time;
-            see LearnConfig.
         learn: all learn settings at once.
-        config: all settings at once, in place of those from `width` to `learn`.
-        progress: called about ten times a second with how far the render has come, and once at its end.
-        features: the effects to compile; None for those that the scene calls for, Features.all() for every one.
-        uploads: what an earlier render put on the device, used again where it is the same.
+        config: all settings at once, instead of the arguments from `width` to `learn`.
+        progress: called with a Progress about ten times a second, and once at the end.
+        features: the effects to compile; None for those of the scene, Features.all() for every one.
+        uploads: data of an earlier render on the device, which is reused where it is the same.
 
     Raises:
-        ConfigError: a setting cannot be honoured.
+        ConfigError: a setting is impossible.
         StageError: the stage cannot be rendered.
-        Interrupted: Ctrl-C, after samples were taken; it holds the result so far.
+        Interrupted: Ctrl-C after the first samples; it holds the result so far.
     """
     learning = _given(rounds=learn_rounds, spp=learn_spp, initial_allocation=initial_allocation, keep_maps=keep_maps)
     settings = _given(

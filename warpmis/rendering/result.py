@@ -28,30 +28,29 @@ class RenderResult:
 
     Attributes:
         image: radiance, linear Rec.709, shape (H, W, 3) float32.
-        denoised: the picture without noise, if it was asked for, linear Rec.709, shape (H, W, 3) float32. `image` stays
-            as it was sampled.
+        denoised: the denoised picture if you asked for it, else None; linear Rec.709, shape (H, W, 3) float32. `image`
+            stays as it was sampled.
         alpha: coverage from 0 to 1, shape (H, W) float32.
         albedo: mean reflectance at the first hit, linear Rec.709, shape (H, W, 3) float32.
         normal: mean shading normal at the first hit, world space, shape (H, W, 3) float32.
         depth: mean distance along the viewing axis to the first hit [scene units],
             shape (H, W) float32.
         samples: number of samples, shape (H, W).
-        variance: variance of one sample's luminance estimate, shape (H, W) float32. A picture of samples that are
-            spread evenly (the strategy choice "stratified", the sampler "lattice") has less noise than as many
-            independent ones.
+        variance: variance of one sample's luminance, shape (H, W) float32. Evenly spread samples (the strategy choice
+            "stratified", the sampler "lattice") give a picture less noise than this suggests.
         allocation: share of each strategy, in the order of `strategies`, shape (H, W, S) float32.
         strategies: names of the S strategies.
         next_event: share of each pixel's samples that next-event estimation takes in place of the mixture, shape (H, W)
             float32, where the method may do so; such a pixel's `allocation` says nothing. None for other methods.
-        round_allocations: the allocation after each learn round, if it was to be kept, shape (H, W, S) float32 each.
-        ids: if asked for, of what the middle of each pixel sees: the prim's place in `paths`, which of the prim's
-            instances it is, and which face (curve, point), -1 where there is no surface, shape (H, W, 3) int32.
-        paths: if ids were asked for, the prims' paths.
+        round_allocations: with keep_maps, the allocation after each learn round, shape (H, W, S) float32 each.
+        ids: with ids=True, what the middle of each pixel sees, shape (H, W, 3) int32: the prim's place in `paths`, its
+            instance, and its face, curve or point; -1 where there is no surface.
+        paths: with ids=True, the prims' paths.
         stats: counts and times, see RenderStats.
         name: the stage's file name or identifier.
-        settings: what was asked for, as plain values.
-        warnings: what was found in the stage but not honoured, a line each.
-        notes: what was supplied because the stage has none, a line each.
+        settings: the settings of the render, as plain values.
+        warnings: what in the stage is not supported, one line each.
+        notes: what warpmis supplied because the stage has none, one line each.
     """
 
     image: Float32Array

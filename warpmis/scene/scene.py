@@ -37,19 +37,20 @@ class Prim:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that the renderer needs of a stage at one time.
+    """A stage at one time, as NumPy arrays: everything that the renderer needs.
 
     Emissive surfaces are ordinary triangles whose material has an emissive_color: the renderer finds them itself.
 
     Attributes:
         name: the stage's file name or identifier.
         resolution: (width, height) [pixel].
-        geometry: the triangles in world space; prototypes: those that are traced through transforms.
+        geometry: the triangles in world space.
+        prototypes: triangles that have several places, traced through the transforms of these.
         origin: of all positions here, in the stage's world space: 0 but for scenes far from it [scene units], shape
             (3,) float64.
         time: of the stage [time code].
-        warnings: what was found but not honoured, a line each, with the prim path.
-        notes: what was supplied because the stage has none (camera, light), a line each.
+        warnings: what in the stage is not supported, one line each, with the prim path.
+        notes: what was supplied because the stage has none (camera, light), one line each.
     """
 
     name: str

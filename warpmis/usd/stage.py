@@ -68,29 +68,30 @@ def load_stage(
     data_window_ndc: Sequence[float] | None = None,
     material_binding_purposes: Sequence[str] | None = None,
 ) -> Scene:
-    """Read a stage at one time into a Scene, everything in world space.
+    """Read a stage at one time into a Scene in world space.
 
-    What is not supported becomes a line of Scene.warnings; pxr's own messages go there too, not to standard error.
-    A Usd.Stage is not changed: what has to be written goes into a session layer of our own over the same layers.
+    Everything that is not supported becomes a line of Scene.warnings. pxr's own messages go there too, and not to
+    standard error. A Usd.Stage that you pass in is not changed.
 
     Args:
+        path_or_stage: path of a USD file, or a Usd.Stage.
         camera: path or name of the camera, or "frame-all" for one that frames the geometry; None takes the
             RenderSettings', else `main_cam`, else the stage's first, else the view that Omniverse Kit saved, else one
             that frames the geometry.
-        time: time code; None is the stage's startTimeCode, 0 where it is not authored, as in usdrecord.
-        width: image width [pixel], the height following from the camera's aperture; None takes the RenderSettings'
+        time: time code; None takes the stage's startTimeCode, or 0 where it is not authored, as in usdrecord.
+        width: image width [pixel]; the height follows from the camera's aperture. None takes the RenderSettings'
             resolution, or 960.
-        purposes: purposes to render besides "default", of "render", "proxy" and "guide"; None takes the
+        purposes: purposes to render besides "default", from "render", "proxy" and "guide"; None takes the
             RenderSettings', or "render".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
-        product: path of the RenderProduct whose camera, resolution and the like go before the RenderSettings'.
+        product: path of a RenderProduct; its camera, resolution and the like override the RenderSettings'.
         complexity: how often subdivision surfaces are refined: "low" not at all, "medium" once, "high" twice,
             "veryhigh" three times.
-        variants: selections to make, such as "/World/Car{paint=red}", in order.
-        mask: paths of the prims to load, with what they refer to; none for all.
-        session_layer: file of a layer that is stronger than the stage.
-        disable_depth_of_field: True makes every camera a pinhole; None does as the RenderSettings say.
-        disable_motion_blur: True closes every shutter at once; None does as the RenderSettings say.
+        variants: variants to select, such as "/World/Car{paint=red}", in order.
+        mask: paths of the only prims to load, with what they refer to; empty for all.
+        session_layer: a layer file to open over the stage, stronger than it.
+        disable_depth_of_field: True makes every camera a pinhole; None follows the RenderSettings.
+        disable_motion_blur: True ignores every shutter interval; None follows the RenderSettings.
         pixel_aspect_ratio: width over height of a pixel; None takes the RenderSettings', or 1.
         aspect_ratio_conform_policy: how the camera's window fits a picture of another aspect, by its UsdRender name,
             such as "cropAperture"; None takes the RenderSettings', or "expandAperture".
