@@ -78,9 +78,9 @@ def render(
 
     A setting that is None comes from the stage's RenderSettings if they author it, and else from the default.
 
-    The arguments from `camera` to `material_binding_purposes` say how to read the stage, as in `load_stage`. They are not
-    for a Scene, which has been read already. `learn_rounds`, `learn_spp`, `initial_allocation` and `keep_maps` are the
-    fields of LearnConfig, one at a time.
+    The arguments from `camera` to `material_binding_purposes` say how to read the stage, as in `load_stage`. They are
+    not for a Scene, which has been read already. `learn_rounds`, `learn_spp`, `initial_allocation` and `keep_maps` are
+    the fields of LearnConfig, one at a time.
 
     Args:
         stage: path of a USD file, a Usd.Stage, or a Scene.
