@@ -125,3 +125,11 @@ def test_a_sheared_camera_is_one_warning_and_looks_straight_ahead():
     scene = load(text.replace('"xformOp:scale"', '"xformOp:transform"').replace("(-4, 3, 2)", "(0, 0, 0)"))
     assert mentions(scene, "/World/Eye", "shear")
     np.testing.assert_allclose(scene.camera.forward, [0, 0, -1], atol=1e-12)
+
+
+def test_an_operation_that_cannot_be_read_is_left_out_of_the_cameras_transform():
+    text = world("", "(2, 2, 2)").replace("float3 xformOp:rotateXYZ = (-4, 3, 2)", 'string xformOp:rotateXYZ = "a"')
+    scene = load(text)
+    assert mentions(scene, "/World/Eye", "left out", "TypeRotateXYZ")
+    np.testing.assert_allclose(scene.camera.position, [1, 2, 20])
+    np.testing.assert_allclose(scene.camera.forward, [0, 0, -1], atol=1e-12)

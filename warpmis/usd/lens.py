@@ -109,10 +109,34 @@ NUMBERS = {
 
 
 def _transform(prim: Any, reading: Reading) -> Any:
+    """Local to world; an operation that cannot be read, of the camera or above it, is left out with a warning."""
+    transforms = UsdGeom.XformCache(reading.time)
     try:
-        return UsdGeom.XformCache(reading.time).GetLocalToWorldTransform(prim)
+        return transforms.GetLocalToWorldTransform(prim)
+    except PxrError:
+        matrix = Gf.Matrix4d(1.0)
+    while prim and not prim.IsPseudoRoot():
+        if prim.IsA(UsdGeom.Xformable):
+            matrix *= _local_transform(prim, reading)
+            if UsdGeom.Xformable(prim).GetResetXformStack():
+                break
+        prim = prim.GetParent()
+    return matrix
+
+
+def _local_transform(prim: Any, reading: Reading) -> Any:
+    matrix = Gf.Matrix4d(1.0)
+    try:
+        operations = UsdGeom.Xformable(prim).GetOrderedXformOps()
     except PxrError as error:
-        raise StageError(f"the camera's transform cannot be read: {one_line(error)}", str(prim.GetPath())) from None
+        reading.warn(prim.GetPath(), f"its transform is left out: {one_line(error)}")
+        return matrix
+    for operation in reversed(operations):
+        try:
+            matrix *= operation.GetOpTransform(reading.time)
+        except PxrError as error:
+            reading.warn(operation.GetAttr().GetPath(), f"left out: {one_line(error)}")
+    return matrix
 
 
 def thin_lens(gf_camera: Any, frame: Frame, path: str, settings: Settings, reading: Reading) -> tuple[float, float]:
