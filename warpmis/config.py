@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TypedDict
 
@@ -74,7 +74,7 @@ class SettingsDict(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class LearnConfig:
-    """How the allocation is learned.
+    """How a method learns its allocation.
 
     Attributes:
         rounds: number of learn rounds; each ends with one step of the method's solver. None takes 1 below 256 samples
@@ -91,6 +91,7 @@ class LearnConfig:
     keep_maps: bool = False
 
     def __post_init__(self) -> None:
+        _check_boolean("keep_maps", self.keep_maps)
         if self.rounds is not None:
             object.__setattr__(self, "rounds", checked_integer("learn_rounds", self.rounds))
         if self.spp is not None:
@@ -105,7 +106,7 @@ class LearnConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderConfig:
-    """Settings of one render.
+    """The settings of one render.
 
     Attributes:
         width: image width [pixel]; the height follows from the stage's aspect. None takes the stage's resolution.
@@ -152,6 +153,7 @@ class RenderConfig:
         if asked is None:
             object.__setattr__(self, "spp", CEILING if self.stops else DEFAULT_SPP)
         self._check_numbers()
+        self._check_types()
         if self.method not in METHODS:
             raise ConfigError(f"unknown method '{self.method}'; choose one of {', '.join(METHODS)}")
         if not re.fullmatch(r"cpu|cuda(:\d+)?", self.device):
@@ -253,6 +255,15 @@ class RenderConfig:
                 raise ConfigError(f"time limit must be above 0 and at most {MAX_SECONDS:g} seconds, got {limit}")
             object.__setattr__(self, "time_limit", float(limit))
 
+    def _check_types(self) -> None:
+        for name in ("method", "device", "strategy_choice", "sampler"):
+            if not isinstance(getattr(self, name), str):
+                raise ConfigError(f"{name.replace('_', ' ')} must be a name as text, got {getattr(self, name)!r}")
+        for name in ("ids", "mis_compensation"):
+            _check_boolean(name, getattr(self, name))
+        if not isinstance(self.learn, LearnConfig):
+            raise ConfigError(f"learn must be a LearnConfig, got {self.learn!r}")
+
     def _check_numbers(self) -> None:
         for name in ("spp", "max_depth", "seed", "width", "threads"):
             value = getattr(self, name)
@@ -311,9 +322,15 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
+def _check_boolean(name: str, value: object) -> None:
+    if not isinstance(value, bool):
+        raise ConfigError(f"{name.replace('_', ' ')} must be True or False, got {value!r}")
+
+
 def _checked_strategies(strategies: Sequence[str], method: str) -> tuple[str, ...]:
-    if isinstance(strategies, str):
-        raise ConfigError(f"strategies must be a tuple of names, such as ('bsdf', 'light'), got '{strategies}'")
+    given: object = strategies
+    if isinstance(given, str) or not isinstance(given, Collection) or not all(isinstance(name, str) for name in given):
+        raise ConfigError(f"strategies must be a tuple of names, such as ('bsdf', 'light'), got {strategies!r}")
     names = tuple(strategies)
     for name in names:
         if name not in STRATEGIES:

@@ -39,6 +39,15 @@ def fixed(allocation: Any, **settings: Any) -> RenderConfig:
         ({"method": "bsdf", "strategies": ("light",)}, "add bsdf, which reaches every path"),
         ({"method": "balance", "strategies": ("light", "area", "dome")}, "add bsdf, which reaches every path"),
         ({"allocation": (0.5, 0.5)}, "drop the allocation, or take method 'fixed'"),
+        ({"method": 3}, "method must be a name as text, got 3"),
+        ({"device": None}, "device must be a name as text, got None"),
+        ({"sampler": ["lattice"]}, "sampler must be a name as text, got ['lattice']"),
+        ({"strategy_choice": True}, "strategy choice must be a name as text, got True"),
+        ({"strategies": 3}, "must be a tuple of names"),
+        ({"strategies": (3,)}, "must be a tuple of names"),
+        ({"ids": 1}, "ids must be True or False, got 1"),
+        ({"mis_compensation": "no"}, "mis compensation must be True or False, got 'no'"),
+        ({"learn": {"rounds": 2}}, "learn must be a LearnConfig, got {'rounds': 2}"),
         ({"method": "fixed"}, "method 'fixed' needs an allocation: one share for each of bsdf, light"),
     ],
 )
@@ -166,6 +175,7 @@ def test_learning_fits_any_budget(method: str, spp: int) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
+        ({"keep_maps": 1}, "keep maps must be True or False, got 1"),
         ({"rounds": 0}, "learn rounds must be from 1"),
         ({"spp": 0}, "learn samples per pixel a round must be from 1"),
         ({"initial_allocation": (0.0, 1.0)}, "one positive share per strategy"),

@@ -111,9 +111,10 @@ def run(arguments: argparse.Namespace) -> None:
     from warpmis.compare.measure import Settings, run_experiment
 
     width = DEFAULT_WIDTH if arguments.image_width is None else arguments.image_width
+    asked = Settings(**settings)
     with progress_bar(quiet=arguments.quiet) as show:
         scene = warpmis.load_stage(arguments.stage, width=width, **stage_options(arguments))
-        experiment = run_experiment(scene, variants, Settings(**settings), show)
+        experiment = run_experiment(scene, variants, asked, show)
     summary = write_comparison(experiment, arguments.stage, folder)
     if not arguments.quiet:
         for kind in ("warnings", "notes"):

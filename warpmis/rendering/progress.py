@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Progress:
-    """One report of a running render.
+    """One report of a running render. The last one has `done` equal to `total`, unless the render is interrupted.
 
     Attributes:
         phase: "load", "compile", "learn" or "render".

@@ -24,7 +24,7 @@ IDS = ("primId", "instanceId", "elementId")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RenderResult:
-    """A finished render. Pictures have row 0 on top.
+    """A finished render. Row 0 of every picture is on top.
 
     Attributes:
         image: radiance, linear Rec.709, shape (H, W, 3) float32.
@@ -33,8 +33,7 @@ class RenderResult:
         alpha: coverage from 0 to 1, shape (H, W) float32.
         albedo: mean reflectance at the first hit, linear Rec.709, shape (H, W, 3) float32.
         normal: mean shading normal at the first hit, world space, shape (H, W, 3) float32.
-        depth: mean distance along the viewing axis to the first hit [scene units],
-            shape (H, W) float32.
+        depth: mean distance along the viewing axis to the first hit [scene units], shape (H, W) float32.
         samples: number of samples, shape (H, W).
         variance: variance of one sample's luminance, shape (H, W) float32. Evenly spread samples (the strategy choice
             "stratified", the sampler "lattice") give a picture less noise than this suggests.
@@ -119,11 +118,12 @@ class RenderResult:
         return self.image if self.denoised is None else self.denoised
 
     def relative_error(self) -> float:
-        """The relative error that the picture's own samples lead one to expect: 0.02 is 2 % (see metrics.py).
+        """An estimate of the picture's relative error from its own samples: 0.02 is 2 %.
 
-        As a stopping rule told it, if there was one. Else from the spread of single samples' luminance, which misses
-        noise of colour alone, and fireflies as long as they outshine their pixel: too low by a quarter at times. Too
-        high where evenly spread samples do better than independent ones: by a factor of 2 in smooth light.
+        With a target error or a time limit it is the estimate that ended the render. Otherwise it comes from the spread
+        of single samples' luminance. That misses noise in colour alone and fireflies that outshine their pixel, so it
+        can be too low by a quarter; with evenly spread samples in smooth light it can be too high by a factor of 2. See
+        film/metrics.py.
         """
         stopping = self.stats.get("stopping")
         if stopping is not None and "relative_error" in stopping:
