@@ -17,7 +17,7 @@ from warpmis.cli.jobs import Job, jobs_of
 from warpmis.cli.option_values import error_share, name_list, number_list, time_in_seconds, whole_number
 from warpmis.cli.stage_options import add_stage_options, given, stage_options
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
-from warpmis.errors import Interrupted
+from warpmis.errors import ConfigError, Interrupted
 from warpmis.methods import METHODS
 from warpmis.output.balance_map import primaries
 from warpmis.rendering.result import IDS, RenderResult
@@ -228,7 +228,7 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
 def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
     if arguments.balance_map or arguments.round_maps:
-        primaries(config.strategies)  # said now, not after the render
+        _check_has_map(config)
     jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
     from warpmis.rendering.render import Uploads  # here, for it loads Warp
@@ -249,6 +249,13 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.json and reports:
             many = "products" if arguments.products else "frames" if arguments.frames else None
             print(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
+
+
+def _check_has_map(config: RenderConfig) -> None:
+    """Refuse now, not after the render, what cannot be shown."""
+    if config.how.cache:
+        raise ConfigError(f"method '{config.method}' shares samples by vertex: there is no map by pixel to write")
+    primaries(config.strategies)
 
 
 def _render(

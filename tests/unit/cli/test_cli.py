@@ -160,6 +160,7 @@ def test_maps_are_not_kept_unless_wanted(fake: FakeRender) -> None:
         ("--sampler halton", "unknown sampler 'halton'; choose one of lattice, independent"),
         ("--method nee --learn-rounds 2", "method 'nee' learns nothing: drop the learn settings"),
         ("--method nee --round-maps .", "method 'nee' learns nothing"),
+        ("--method guided --balance-map a.png", "method 'guided' shares samples by vertex: there is no map by pixel"),
         ("--png a.jpg", "a.jpg: the file's name must end in .png"),
         ("--png a.png --balance-map ./a.png", "name the same file"),
     ],
