@@ -166,7 +166,7 @@ class RenderConfig:
         if self.sampler not in SAMPLERS:
             raise ConfigError(f"unknown sampler '{self.sampler}'; choose one of {', '.join(SAMPLERS)}")
         if self.how.cache and self.stops:
-            raise ConfigError(f"method '{self.method}' cannot tell its error yet: set spp, or take method 'auto'")
+            raise ConfigError(f"method '{self.method}' cannot estimate its error yet: set spp, or take method 'auto'")
         if self.how.learns:
             self._check_learning()
         elif self.learn != LearnConfig():
@@ -289,7 +289,7 @@ class RenderConfig:
         complete = [self.strategies.index(name) for name in self.strategies if name in COMPLETE]
         if shares[..., complete].sum(axis=-1).min() <= 0.0:
             names = " or ".join(self.strategies[i] for i in complete)
-            raise ConfigError(f"shares of lights alone find no indirect light: give {names} a part of every pixel")
+            raise ConfigError(f"shares of lights only find no indirect light: give {names} a part of every pixel")
         return shares
 
     def _check_learning(self) -> None:
@@ -301,7 +301,9 @@ class RenderConfig:
         if self.how.next_event and self.strategies != DEFAULT_STRATEGIES:
             raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
         if self.how.next_event and self.learn.initial_allocation is not None:
-            raise ConfigError(f"method '{self.method}' learns from no allocation: drop the initial one, or take pooled")
+            raise ConfigError(
+                f"method '{self.method}' does not start from an allocation: drop the initial allocation, or take pooled"
+            )
         if self.how.rounds is not None and self.learn.rounds not in (None, self.how.rounds):
             raise ConfigError(f"method '{self.method}' has {self.how.rounds} learn round; drop the number of rounds")
         initial = self.learn.initial_allocation

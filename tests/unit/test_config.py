@@ -210,7 +210,7 @@ def test_rejects_learning_where_nothing_is_learned(method: str, learn: dict[str,
         ("accumulated", {"strategies": ("bsdf", "light", "uniform")}, "for two strategies; take pooled for 3"),
         ("auto", {"strategies": ("bsdf", "dome")}, "for the strategies bsdf,light; take pooled for others"),
         ("auto", {"strategies": ("light", "bsdf")}, "for the strategies bsdf,light; take pooled for others"),
-        ("auto", {"learn": LearnConfig(initial_allocation=(0.5, 0.5))}, "drop the initial one, or take pooled"),
+        ("auto", {"learn": LearnConfig(initial_allocation=(0.5, 0.5))}, "drop the initial allocation, or take pooled"),
     ],
 )
 def test_rejects_what_a_method_is_not_made_for(method: str, settings: dict[str, Any], message: str) -> None:

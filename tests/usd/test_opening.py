@@ -142,9 +142,9 @@ def test_mask_loads_prims_with_what_they_refer_to():
     ("mask", "message"),
     [
         ("/Room/Sofa", "/Room/Sofa: there is no such prim to mask"),
-        ("Room", "Room: a mask is of absolute prim paths"),
-        ("/Room.x", "/Room.x: a mask is of absolute prim paths"),
-        ("/Room/", "/Room/: a mask is of absolute prim paths"),
+        ("Room", "Room: a mask needs absolute prim paths"),
+        ("/Room.x", "/Room.x: a mask needs absolute prim paths"),
+        ("/Room/", "/Room/: a mask needs absolute prim paths"),
     ],
 )
 def test_wrong_masks_are_errors(mask, message):

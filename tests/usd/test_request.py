@@ -190,7 +190,7 @@ def test_numpy_numbers_are_numbers() -> None:
         (".", ".: it is a folder: name a USD file"),
         (Path("/nowhere/a.usda"), "/nowhere/a.usda: there is no such file"),
         (b"/nowhere/a.usda", "/nowhere/a.usda: there is no such file"),
-        ("\udcff.usda", "'\\udcff.usda': USD opens files whose names are UTF-8 alone: rename it"),
+        ("\udcff.usda", "'\\udcff.usda': USD opens only files with UTF-8 names: rename it"),
     ],
 )
 def test_what_is_no_stage(source: Any, message: str) -> None:

@@ -132,7 +132,7 @@ def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.time_limit is not None and arguments.spp is not None:
         raise ConfigError("--time-limit finds the samples per pixel, --spp sets them; give one of the two")
     if arguments.reference is not None and arguments.reference_spp is not None:
-        raise ConfigError("--reference is there already, --reference-spp renders one; give one of the two")
+        raise ConfigError("--reference names a finished picture, --reference-spp renders one; give one of the two")
     common = given(max_depth=arguments.max_depth, device=arguments.device, threads=arguments.threads)
     return {
         "common": common,

@@ -43,7 +43,7 @@ def numbered(path: str, frames: Sequence[float]) -> list[str]:
         ConfigError: there is not exactly one such place, or it does not tell the frames apart.
     """
     if len(PLACEHOLDER.findall(path)) != 1:
-        raise ConfigError(f"{path}: with --frames the name must say once where the frame goes, such as image.####.exr")
+        raise ConfigError(f"{path}: with --frames the name must contain the frame number once, such as image.####.exr")
     for frame in frames:
         if not math.isclose(frame, float(_digits(PLACEHOLDER.search(path), frame)), abs_tol=1e-9):
             raise ConfigError(f"{path}: frame {frame:g} needs decimals in the name, such as image.####.##.exr")

@@ -70,7 +70,7 @@ def _print(inspection: Inspection) -> None:
     _table(console, ("material", "triangles", "inputs"), materials)
     effects = [(one.name, "on" if one.on else "off", _caller(one)) for one in inspection.effects]
     _table(console, ("effect", "", "called for by"), effects)
-    _table(console, ("not honoured", "what"), inspection.not_honoured)
+    _table(console, ("not supported", "what"), inspection.not_honoured)
     for note in inspection.notes:
         console.print(f"note: {note}")
 

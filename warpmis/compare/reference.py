@@ -104,7 +104,7 @@ def tracing_seconds(stats: Mapping[str, Any]) -> float:
 
 def _checked(reference: Reference, name: str) -> Reference:
     if not np.isfinite(reference.image).all():
-        raise WarpmisError(f"{name}: has pixels that are not finite; nothing can be compared with those")
+        raise WarpmisError(f"{name}: has pixels that are not finite, so nothing can be compared with it")
     if not (reference.image @ LUMINANCE).any():
         raise WarpmisError(f"{name}: is black, so no relative error exists; light the scene")
     return reference

@@ -154,7 +154,7 @@ def _render_stage(
 ) -> RenderResult:
     """Read the stage at one time or at several, and render it."""
     if config.target_error is not None and shutter_samples > 1:
-        raise ConfigError("a target error is for one time within the shutter: drop the shutter samples, or set spp")
+        raise ConfigError("a target error works with one shutter sample only: drop the shutter samples, or set spp")
     from warpmis.usd import load_stage  # here, so that a Scene can be rendered without pxr
 
     reporter = Reporter(progress)
@@ -168,7 +168,7 @@ def _render_stage(
 
         return render_shutter(scene, scene_at, config, shutter_samples, features, progress, uploads or Uploads())
     if opens < closes:
-        note = "the camera's shutter stays open, but the stage is read at one time: ask for more shutter samples"
+        note = "the camera's shutter is open, but one shutter sample gives no motion blur: ask for more"
         scene = dataclasses.replace(scene, notes=(*scene.notes, note))
     return render_scene(scene, config, features, reporter, uploads)
 

@@ -148,11 +148,11 @@ class Watch:
         target, notes = self.config.target_error, []
         if target is not None:
             depth = self.config.max_depth
-            notes.append(f"the error is that of up to {depth} bounces: the light of more is in no estimate (max depth)")
+            notes.append(f"the error does not include light of more than {depth} bounces (max depth)")
             if target < FLOAT32_FLOOR:
                 floor = f"{100.0 * FLOAT32_FLOOR:g} %"
                 notes.append(
-                    f"a target error below {floor} is below the rounding of float32 paths, which no sample tells"
+                    f"a target error below {floor} is below the rounding of float32 paths, which no sample shows"
                 )
             if self.reason != "target error":
                 notes.append(f"stopped by the {self._brake()} before the target error: {self._outlook()}")
@@ -165,10 +165,10 @@ class Watch:
 
     def _outlook(self) -> str:
         if self.estimate is None:
-            return f"{self.spp} samples per pixel are too few to tell how far it is"
+            return f"{self.spp} samples per pixel are too few to estimate it"
         error = f"{100.0 * self.estimate.relative_error:.2g} %"
         if not math.isfinite(self.target_spp):
-            return f"it is {error}, and no number of samples would do"
+            return f"it is {error}, and no number of samples reaches the target"
         return f"it is {error}, and the target would take about {self.target_spp:.0f} samples per pixel"
 
     def _cost(self) -> float:

@@ -55,7 +55,7 @@ def _range(schema: Any, reading: Reading) -> tuple[float, float]:
         return 0.0, np.inf
     near, far = reading.get(attribute, (0.0, np.inf))
     if not near < far:
-        reading.warn(schema.GetPath(), f"clippingRange ({near:g}, {far:g}) is no range; nothing is clipped")
+        reading.warn(schema.GetPath(), f"clippingRange ({near:g}, {far:g}) is not a range; nothing is clipped")
         return 0.0, np.inf
     return near, far
 

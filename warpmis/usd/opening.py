@@ -108,7 +108,7 @@ def _population(mask: Sequence[str]) -> Any:
         if not Sdf.Path.IsValidPathString(path) or not (
             Sdf.Path(path).IsAbsolutePath() and Sdf.Path(path).IsAbsoluteRootOrPrimPath()
         ):
-            raise StageError("a mask is of absolute prim paths", path)
+            raise StageError("a mask needs absolute prim paths", path)
         population.Add(path)
     return population if mask else Usd.StagePopulationMask.All()
 

@@ -91,14 +91,14 @@ def _read_all(reading: Reading, render_settings: str | None) -> tuple[Product, .
     composition_warnings(reading)
     settings = settings_prim(stage, render_settings)
     if settings is None:
-        raise StageError("there are no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())
+        raise StageError("the stage has no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())
     products = []
     for target in reading.targets(settings.GetProductsRel(), "it is not rendered"):
         prim = stage.GetPrimAtPath(target)
         if prim and prim.IsA(UsdRender.Product):
             products.append(_read(UsdRender.Product(prim), replace(reading, warnings=Messages())))
         elif prim:
-            reading.warn(settings.GetPath(), f"its product {target} is no RenderProduct prim")
+            reading.warn(settings.GetPath(), f"its product {target} is not a RenderProduct prim")
     if not products:
         raise StageError("these RenderSettings have no products", str(settings.GetPath()))
     return tuple(products)

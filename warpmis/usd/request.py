@@ -113,7 +113,7 @@ def checked_source(path_or_stage: Any) -> Any:
     try:
         path.encode()
     except UnicodeEncodeError:
-        raise StageError("USD opens files whose names are UTF-8 alone: rename it", ascii(path)) from None
+        raise StageError("USD opens only files with UTF-8 names: rename it", ascii(path)) from None
     return path
 
 

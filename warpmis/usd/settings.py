@@ -63,7 +63,7 @@ def read_settings(reading: Reading, path: str | None, product: str | None = None
     found = settings_prim(reading.stage, path)
     named = reading.stage.GetMetadata("renderSettingsPrimPath")
     if found is None and named:
-        reading.warn(named, "the stage's renderSettingsPrimPath names no RenderSettings prim")
+        reading.warn(named, "the stage's renderSettingsPrimPath does not name a RenderSettings prim")
     settings = Settings() if found is None else _read(found, reading)
     if product is None:
         return settings
@@ -142,7 +142,9 @@ def _data_window(settings: Any, reading: Reading) -> tuple[float, float, float, 
     window = reading.get(settings.GetDataWindowNDCAttr(), WHOLE)
     x0, y0, x1, y1 = window
     if not is_window(window):
-        reading.warn(settings.GetPath(), f"dataWindowNDC {tuple(window)} is no window; the whole picture is rendered")
+        reading.warn(
+            settings.GetPath(), f"dataWindowNDC {tuple(window)} is not a window; the whole picture is rendered"
+        )
         return WHOLE
     return x0, y0, x1, y1
 

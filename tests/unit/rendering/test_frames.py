@@ -105,7 +105,7 @@ def test_one_time_code(stage: str) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["a.exr", "--frames", "1:2"], "a.exr: with --frames the name must say once where the frame goes"),
+        (["a.exr", "--frames", "1:2"], "a.exr: with --frames the name must contain the frame number once"),
         (["a.##.exr", "--frames", "1:2", "--png", "a.png"], "a.png: with --frames"),
         (["a.##.exr", "--frames", "1:2", "--time", "3"], "give one of the two"),
         (["a.##.exr", "--frames", "1:2", "--round-maps", "maps"], "maps: with --frames"),

@@ -99,7 +99,7 @@ def test_interrupt_while_training_leaves_a_whole_picture() -> None:
 
 
 def test_stopping_rules_are_refused() -> None:
-    with pytest.raises(ConfigError, match="cannot tell its error yet"):
+    with pytest.raises(ConfigError, match="cannot estimate its error yet"):
         render(target_error=0.01)
 
 

@@ -128,10 +128,10 @@ def test_prediction_on_the_way() -> None:
 
 def test_what_the_error_does_not_know_is_said() -> None:
     notes = FakeRun(target_error=1e-6, spp=64, max_depth=3).run().watch.notes()
-    assert any("up to 3 bounces" in note for note in notes)
+    assert any("more than 3 bounces" in note for note in notes)
     assert any("below 0.001 % is below" in note for note in notes)
     assert FakeRun(time_limit=5.0).run().watch.notes() == ()
-    assert "no number of samples would do" in FakeRun(target_error=1e-200, spp=64).run().watch.notes()[-1]
+    assert "no number of samples reaches the target" in FakeRun(target_error=1e-200, spp=64).run().watch.notes()[-1]
 
 
 # ---- honesty --------------------------------------------------------------------------------------------------------
@@ -171,5 +171,5 @@ def test_impossible_targets(value: Any) -> None:
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan"), "60"])
 def test_impossible_time_limits(value: Any) -> None:
-    with pytest.raises(ConfigError, match="time limit must be a positive number of seconds"):
+    with pytest.raises(ConfigError, match="time limit must be above 0 and at most 1e.09 seconds"):
         RenderConfig(time_limit=value)

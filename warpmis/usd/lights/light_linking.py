@@ -39,7 +39,10 @@ def linked_prims(prims: list[Prim], reading: Reading) -> tuple[Prim, ...]:
 def _linked_prim(prim: Prim, paths: list[str], reading: Reading) -> Prim:
     control = _linked(prim.path, prim.control, paths, reading)
     if control.shadow_casters is not None:
-        reading.warn(prim.path, "not supported: shadow controls of a light made of geometry; its shadows are true ones")
+        reading.warn(
+            prim.path,
+            "not supported: shadow controls of a light made of geometry; its shadows are rendered as they are",
+        )
         control = replace(control, shadow_casters=None)
     return prim if control is prim.control else replace(prim, control=control)
 
@@ -69,7 +72,7 @@ def members(collection: Any, paths: list[str], reading: Reading) -> NDArray[np.b
     try:
         query = collection.ComputeMembershipQuery()
     except PxrError as error:
-        reading.warn(collection.GetCollectionPath(), f"it is taken to hold everything: {one_line(error)}")
+        reading.warn(collection.GetCollectionPath(), f"it counts as holding everything: {one_line(error)}")
         return None
     held = np.array([query.IsPathIncluded(path) for path in paths], bool)
     return None if held.all() else held

@@ -40,9 +40,9 @@ def read_dome_picture(prim: Any, reading: Reading) -> Float32Array | None:
     if pixels is None or layout in ("automatic", "latlong"):
         return pixels
     if layout not in LAYOUTS:
-        reading.warn(prim.GetPath(), f"texture:format {layout} is unknown; the dome is rendered in its plain color")
+        reading.warn(prim.GetPath(), f"texture:format {layout} is not known; the dome is rendered in its plain color")
         return None
     if layout == "cubeMapVerticalCross" and (pixels.shape[0] < 4 or pixels.shape[1] < 3):
-        reading.warn(prim.GetPath(), "its picture is no cross of six faces; the dome is rendered in its plain color")
+        reading.warn(prim.GetPath(), "its picture is not a cross of six faces; the dome is rendered in its plain color")
         return None
     return as_latlong(pixels, layout)

@@ -134,7 +134,7 @@ class MaterialReader:
         """Where a material is bound for a purpose that is not rendered, and none for one that is."""
         for purpose in sorted({"full", "preview"} - set(self.purposes)):
             if self._resolved(prim, purpose)[0]:
-                message = f"its material is bound for the purpose {purpose} alone, which is not rendered"
+                message = f"its material is bound for the purpose {purpose} only, which is not rendered"
                 self.reading.warn(prim.GetPath(), f"{message}; {otherwise} is used")
 
     def _read(self, material: Any) -> BoundMaterial | None:

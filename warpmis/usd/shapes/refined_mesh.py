@@ -124,7 +124,7 @@ def _scheme(mesh: Any, polygons: Polygons, name: str, reading: Reading) -> Schem
         return BILINEAR
     if name == "loop":
         if (polygons.counts[polygons.usable] != 3).any():
-            reading.warn(mesh.GetPath(), "loop subdivision is for triangles alone; rendered as the cage's polygons")
+            reading.warn(mesh.GetPath(), "loop subdivision needs triangles; the cage is rendered")
             return None
         return LOOP
     if name != "catmullClark":
