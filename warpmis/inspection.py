@@ -88,7 +88,7 @@ class Inspection:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain values; what was not honoured as {path, message}."""
+        """As plain values; what is not supported as {path, message}."""
         plain = dataclasses.asdict(self)
         plain["not_honoured"] = [{"path": path, "message": message} for path, message in self.not_honoured]
         plain["power_unit"] = POWER_UNIT

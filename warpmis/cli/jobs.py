@@ -22,7 +22,7 @@ class Job:
         options: what of the stage it takes, beside the arguments.
         label: what to call it while it is rendered.
         channels: of the EXR, as RenderResult.write takes them.
-        warnings: what of it is not honoured.
+        warnings: what of it is not supported.
     """
 
     targets: dict[str, str]

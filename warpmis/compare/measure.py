@@ -137,7 +137,7 @@ def run_experiment(
     """Calibrate, make the reference, measure; the first variant is the baseline.
 
     Raises:
-        ConfigError: a variant or a setting cannot be honoured.
+        ConfigError: a variant or a setting is impossible.
         WarpmisError: the reference cannot be used.
     """
     bench = _Bench(scene, settings, progress)

@@ -52,7 +52,7 @@ class Product:
         path: the RenderProduct prim's.
         file: the file's name, without a folder, ending in .exr or .png.
         channels: the file's channels and which of the result's each is; None for all as RenderResult.write has them.
-        warnings: what of it is not honoured.
+        warnings: what of it is not supported.
     """
 
     path: str

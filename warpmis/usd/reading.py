@@ -35,7 +35,7 @@ class Reading:
         purposes: the purposes that are rendered, "default" among them.
         levels: how many times subdivision surfaces are refined.
         extent: how large the stage is (an extent.StageExtent); None until its prims have been placed.
-        warnings: what was found but not honoured.
+        warnings: what was found but is not supported.
         notes: what was supplied because the stage has none.
     """
 
@@ -48,7 +48,7 @@ class Reading:
     notes: Messages = field(default_factory=Messages)
 
     def warn(self, path: object, message: str) -> None:
-        """Records what is not honoured of a prim; lines of one kind are kept as one."""
+        """Records what of a prim is not supported; lines of one kind are kept as one."""
         self.warnings.add(path, message)
 
     def note(self, message: str, path: object = "") -> None:

@@ -171,5 +171,5 @@ def test_impossible_targets(value: Any) -> None:
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan"), "60"])
 def test_impossible_time_limits(value: Any) -> None:
-    with pytest.raises(ConfigError, match="time limit must be above 0 and at most 1e.09 seconds"):
+    with pytest.raises(ConfigError, match="time limit must be above 0"):
         RenderConfig(time_limit=value)

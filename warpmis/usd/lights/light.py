@@ -90,7 +90,7 @@ def read_light(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> li
     """The light of a prim, once for each matrix that has a place for it.
 
     A light that emits nothing is left out silently; one without size, or with an intensity that is negative or not
-    finite, with a warning. What is not honoured (shaping, links, filters) gives a warning.
+    finite, with a warning. What is not supported (shaping, links, filters) gives a warning.
 
     Args:
         prim: of a type for which `is_light` holds.

@@ -1,4 +1,4 @@
-"""UsdLux's controls over what a light does, shaping, pictures, multipliers; warnings of those not honoured."""
+"""UsdLux's controls over what a light does, shaping, pictures, multipliers; warnings of those not supported."""
 
 from __future__ import annotations
 
