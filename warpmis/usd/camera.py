@@ -14,10 +14,11 @@ from warpmis.errors import StageError
 from warpmis.scene import Camera, Light
 from warpmis.scene.geometry import Geometry, Prototype
 from warpmis.usd.clipping import clipping_planes
-from warpmis.usd.framing import framing_camera, light_boxes
+from warpmis.usd.framing import framing_camera, from_the_front, light_boxes
 from warpmis.usd.lens import exposure, frame_of, shutter, thin_lens
 from warpmis.usd.reading import Reading
 from warpmis.usd.settings import WHOLE, Settings
+from warpmis.usd.sight import Sight, sight_of
 from warpmis.usd.view import View
 from warpmis.whole_numbers import MAX_PIXELS
 
@@ -67,6 +68,19 @@ def read_camera(
     if resolution[0] * resolution[1] > MAX_PIXELS:
         raise StageError(f"a picture of {resolution[0]:.3g} x {resolution[1]:.3g} pixels is too large", path)
     return camera, resolution
+
+
+def first_sight(reading: Reading, settings: Settings, view: View | None, width: int | None) -> Sight | None:
+    """How large things look, in the stage's world, before the surfaces have been read; None where nothing is refined.
+
+    Without a view that is as from the front, so near that the gprims fill the picture.
+    """
+    if reading.levels == 0 or (view is None and reading.extent.box is None):
+        return None
+    up_axis = str(UsdGeom.GetStageUpAxis(reading.stage))
+    gf_camera = from_the_front(reading.extent.box, up_axis) if view is None else view.gf_camera
+    resolution = picture_resolution(gf_camera, settings, width)
+    return sight_of(fitted_camera("", gf_camera, resolution, settings), resolution)
 
 
 def cropped(camera: Camera, resolution: tuple[int, int], settings: Settings) -> tuple[Camera, tuple[int, int]]:

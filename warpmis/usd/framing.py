@@ -35,7 +35,7 @@ def framing_camera(geometry: Geometry, prototypes: tuple[Prototype, ...], lights
     box = world_bounds(geometry, prototypes, lights)
     to_world = np.eye(3) if up_axis == "Y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     towards = _best_direction(visible_area(geometry, prototypes, lights), to_world)
-    return _from_the_front(box, up_axis) if towards is None else _from(towards @ to_world, box, to_world[1])
+    return from_the_front(box, up_axis) if towards is None else _from(towards @ to_world, box, to_world[1])
 
 
 def _best_direction(area: Callable[[Vector], float], to_world: NDArray[np.float64]) -> Vector | None:
@@ -90,7 +90,7 @@ def _light_area(light: Light, towards: Vector) -> float:
             return 0.0
 
 
-def _from_the_front(box: Bounds, up_axis: str) -> Any:
+def from_the_front(box: Bounds, up_axis: str) -> Any:
     """usdrecord's camera: in front of the bounds, upright."""
     low, high = box
     center, size = (low + high) / 2, high - low

@@ -34,6 +34,7 @@ class Reading:
         time: the numeric Usd.TimeCode at which every attribute is read.
         purposes: the purposes that are rendered, "default" among them.
         levels: how many times subdivision surfaces are refined.
+        sight: how large things look (a sight.Sight); None where all that is asked for is refined.
         extent: how large the stage is (an extent.StageExtent); None until its prims have been placed.
         warnings: what was found but is not supported.
         notes: what was supplied because the stage has none.
@@ -43,6 +44,7 @@ class Reading:
     time: Any
     purposes: frozenset[str]
     levels: int
+    sight: Any = None
     extent: Any = None
     warnings: Messages = field(default_factory=Messages)
     notes: Messages = field(default_factory=Messages)

@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from warpmis.errors import StageError
 from warpmis.scene import DomeLight, Light, Prim, Scene
-from warpmis.usd.camera import read_camera
+from warpmis.usd.camera import first_sight, read_camera
 from warpmis.usd.extent import StageExtent
 from warpmis.usd.framing import light_boxes
 from warpmis.usd.instances import Placement, placements
@@ -147,6 +147,7 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     placed = list(placements(reading))
     reading = replace(reading, extent=StageExtent(placed, reading.time))
     view = find_view(reading, settings, camera)
+    reading = replace(reading, sight=first_sight(reading, settings, view, width))
     contents = _read_contents(placed, reading, settings, np.zeros(3))
     origin = scene_origin([*contents.boxes, *light_boxes(contents.lights)])
     if origin.any():
@@ -181,7 +182,9 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
 def _read_contents(
     placed: list[Placement], reading: Reading, settings: Settings, origin: NDArray[np.float64]
 ) -> StageContents:
-    contents = StageContents(reading, settings.material_purposes, origin)
+    if reading.sight is not None:
+        reading = replace(reading, sight=reading.sight.moved(origin))
+    contents = StageContents(reading, settings.material_purposes, origin, native_places(placed, origin))
     for placement in placed:
         try:
             contents.add(placement)
@@ -196,6 +199,7 @@ class StageContents:
 
     Attributes:
         origin: of the scene's coordinates, in the stage's world, shape (3,).
+        places: as native_places gives them.
         surfaces: gprims of native prototypes that have been read already, by the prim in the prototype.
         material_purposes: of bindings, as Settings.material_purposes.
         light_prims: number of light prims of a supported type, those included that turned out to emit nothing.
@@ -205,6 +209,7 @@ class StageContents:
     reading: Reading
     material_purposes: tuple[str, ...]
     origin: NDArray[np.float64]
+    places: dict[Any, NDArray[np.float64]]
     lights: list[Light] = field(default_factory=list)
     surfaces: dict[Any, Surface | None] = field(default_factory=dict)
     light_prims: int = 0
@@ -243,11 +248,14 @@ class StageContents:
 
     def _surface(self, prim: Any, matrices: NDArray[np.float64]) -> Surface | None:
         """The gprim's triangles; those of a native instance are read once for all instances."""
+        reading = self.reading
+        if prim.HasAPI(UsdLux.LightAPI) or self.materials.glows(prim):
+            reading = replace(reading, sight=None)  # how large a light is must not depend on the camera
         if not prim.IsInstanceProxy():
-            return read_surface(prim, matrices, self.reading)
+            return read_surface(prim, matrices, reading)
         source = prim.GetPrimInPrototype().GetPath()
         if source not in self.surfaces:
-            self.surfaces[source] = read_surface(prim, matrices, self.reading)
+            self.surfaces[source] = read_surface(prim, self.places[source], reading)
         return self.surfaces[source]
 
     def _place(
@@ -275,6 +283,15 @@ class StageContents:
                 self.lights.append(light)
 
 
+def native_places(placed: list[Placement], origin: NDArray[np.float64]) -> dict[Any, NDArray[np.float64]]:
+    """Where each prim of a native prototype stands in all instances, local to the scene's coordinates, by its path."""
+    found: dict[Any, list[NDArray[np.float64]]] = {}
+    for placement in placed:
+        if placement.prim.IsInstanceProxy() and placement.prim.IsA(UsdGeom.Gprim):
+            found.setdefault(placement.prim.GetPrimInPrototype().GetPath(), []).append(placement.matrices)
+    return {path: moved(np.concatenate(matrices), origin) for path, matrices in found.items()}
+
+
 def read_surface(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> Surface | None:
     """The triangles of a gprim in its own space; None, with a warning, for a type that is not supported.
 
@@ -282,7 +299,7 @@ def read_surface(prim: Any, matrices: NDArray[np.float64], reading: Reading) -> 
         matrices: local to world, shape (k, 4, 4).
     """
     if prim.IsA(UsdGeom.Mesh):
-        return read_mesh(prim, reading)
+        return read_mesh(prim, matrices, reading)
     if prim.IsA(UsdGeom.BasisCurves):
         return read_curves(prim, matrices, reading)
     if prim.IsA(UsdGeom.Points):

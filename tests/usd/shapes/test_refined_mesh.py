@@ -21,7 +21,7 @@ def refined(scheme: str, levels: int, linear: str = "all"):
     stage = stage_of(f'def Mesh "M"\n{{\n    token faceVaryingLinearInterpolation = "{linear}"\n}}\n')
     reading = Reading(stage, Usd.TimeCode(0.0), frozenset({"default"}), levels)
     polygons = Polygons(POINTS, np.array([4, 4, 4]), QUADS.reshape(-1), np.array([True, False, True]))
-    return refined_mesh(UsdGeom.Mesh(stage.GetPrimAtPath("/M")), polygons, scheme, NONE, reading)
+    return refined_mesh(UsdGeom.Mesh(stage.GetPrimAtPath("/M")), polygons, scheme, NONE, np.eye(4)[None], reading)
 
 
 def at_corners(mesh, values, interpolation, indices=NONE):

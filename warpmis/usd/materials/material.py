@@ -97,6 +97,11 @@ class MaterialReader:
             places[:, own] += of_places
         return Shading(materials[by_triangle], block, places if np.isnan(block).any() else NO_PLACES)
 
+    def glows(self, prim: Any) -> bool:
+        """Whether a material of a gprim, or of one of its subsets, emits light."""
+        prims = [prim, *(subset for subset, _ in material_subsets(prim, self.reading))]
+        return any(bound is not None and max(bound.material.mean_emission) > 0.0 for bound in map(self.bound, prims))
+
     def bound(self, prim: Any, otherwise: str = "displayColor") -> BoundMaterial | None:
         """The material bound to a gprim or GeomSubset, or None, with a warning that names what is used `otherwise`."""
         material, relationship = self._binding(prim)

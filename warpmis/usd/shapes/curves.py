@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from warpmis.usd.shapes.curve_segments import BASES, Segments, cut
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface, reversed_surface
 from warpmis.usd.shapes.thin_widths import thin_widths
 from warpmis.usd.shapes.transported_normals import transported_normals, unit
+from warpmis.usd.sight import largest_places, sampled
 
 BoolArray = NDArray[np.bool_]
 
@@ -26,6 +27,17 @@ DETAILS = ((2, 4), (4, 6), (8, 8), (12, 12))
 MAX_TRIANGLES = 1 << 22
 # Two segments whose tangents have at least this cosine pass smoothly into each other; others meet in a kink.
 SMOOTH_COSINE = 0.97
+
+
+# What is larger in the picture are too few segments to say how finely all are made.
+LARGEST = 0.95
+
+
+class Strands(NamedTuple):
+    """What is authored along curves."""
+
+    widths: Authored
+    normals: Authored | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +87,7 @@ def read_curves(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | 
     normals = read_authored(prim, "normals", str(curves.GetNormalsInterpolation()), segments.elements, reading)
     if widths is None:
         widths = thin_widths(prim, points, matrices, reading)
-    pieces, sides = _detail(prim, segments, normals, reading)
+    pieces, sides = _detail(prim, segments, points, Strands(widths, normals), matrices, reading)
     samples = _sampled(segments, points, widths, normals, pieces)
     surface = _tubes(samples, sides) if samples.normals is None else _ribbons(samples, samples.normals)
     left_handed = reading.get(curves.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
@@ -95,18 +107,53 @@ def _sound_curves(prim: Any, counts: IntArray, points: FloatArray, segments: Seg
     return finite & whole
 
 
-def _detail(prim: Any, segments: Segments, normals: Authored | None, reading: Reading) -> tuple[int, int]:
-    """Pieces of a segment and sides of a tube (1 for a ribbon), fewer where there would be too many triangles."""
+def _detail(
+    prim: Any, segments: Segments, points: FloatArray, authored: Strands, matrices: FloatArray, reading: Reading
+) -> tuple[int, int]:
+    """Pieces of a segment and sides of a tube (1 for a ribbon), as many as are asked for and can be seen.
+
+    Fewer, with a warning, where there would be too many triangles.
+    """
+    normals = authored.normals
     straight = segments.basis == "linear" and (normals is None or normals.interpolation in ("constant", "uniform"))
-    asked = DETAILS[reading.levels]
-    for detail in (asked, *DETAILS[: reading.levels][::-1], COARSEST):
-        pieces = 1 if straight else detail[0]
-        sides = detail[1] if normals is None else 1
+    along, around = _visible_levels(segments, points, authored.widths, matrices, reading)
+    asked = min(max(along, around), reading.levels)
+    for level in (*range(asked, -1, -1), -1):
+        limit = COARSEST if level < 0 else DETAILS[level]
+        pieces = 1 if straight else min(limit[0], DETAILS[along][0])
+        sides = min(limit[1], DETAILS[around][1]) if normals is None else 1
         if 2 * len(segments.curve) * pieces * sides <= MAX_TRIANGLES:
             break
-    if detail != asked:
+    if level != asked:
         reading.warn(prim.GetPath(), f"its {len(segments.curve)} segments are rendered in less detail than asked for")
     return pieces, sides
+
+
+def _visible_levels(
+    segments: Segments, points: FloatArray, widths: Authored, matrices: FloatArray, reading: Reading
+) -> tuple[int, int]:
+    """The levels of DETAILS for pieces and for sides: the reading's, but no level beyond what can be seen.
+
+    Pieces are two pixels long at least and sides one pixel wide, where the curves look largest.
+    """
+    if reading.sight is None or not reading.levels:
+        return reading.levels, reading.levels
+    rows = sampled(len(segments.curve))
+    some = replace(segments, control=segments.control[rows], curve=segments.curve[rows])
+    ends = some.vertex(points, np.array([0.0, 0.5, 1.0]))
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    width = float(np.abs(np.nan_to_num(widths.values)).max())
+    along = around = 0
+    for matrix in largest_places(matrices, (low + high) / 2, float(np.linalg.norm(high - low)) / 2, reading.sight):
+        world = ends @ matrix[:3, :3] + matrix[3, :3]
+        pixels = reading.sight.pixels(world[:, 1])
+        scale = float(np.linalg.norm(matrix[:3, :3])) / np.sqrt(3.0)
+        lengths = np.linalg.norm(np.diff(world, axis=1), axis=-1).sum(axis=1) * pixels
+        for level in range(1, reading.levels + 1):
+            pieces, sides = DETAILS[level]
+            along = max(along, level if np.quantile(lengths, LARGEST) >= 2.0 * pieces else 0)
+            around = max(around, level if np.pi * width * scale * np.quantile(pixels, LARGEST) >= sides else 0)
+    return along, around
 
 
 def _sampled(

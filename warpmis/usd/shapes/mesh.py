@@ -19,11 +19,14 @@ REFINED_NOTE = (
 )
 
 
-def read_mesh(prim: Any, reading: Reading) -> Surface | None:
+def read_mesh(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | None:
     """The triangles of a UsdGeomMesh in its own space, or None where nothing of it can be rendered.
 
     Authored normals count for subdivisionScheme "none" alone; "bilinear" is flat, and so is "none" without them. Of
     other schemes the normals are averaged over the refined polygons, or over the cage's where it is not refined.
+
+    Args:
+        matrices: local to world, shape (k, 4, 4); where it looks largest says how often it is worth refining.
     """
     mesh = UsdGeom.Mesh(prim)
     authored = _read_polygons(mesh, reading)
@@ -32,7 +35,7 @@ def read_mesh(prim: Any, reading: Reading) -> Surface | None:
     scheme = str(reading.get(mesh.GetSubdivisionSchemeAttr(), "catmullClark"))
     if not mesh.GetSubdivisionSchemeAttr().HasAuthoredValue() and _authors_normals(mesh):
         reading.note(REFINED_NOTE, prim.GetPath())
-    refined = refined_mesh(mesh, authored, scheme, _holes(mesh, authored, reading), reading)
+    refined = refined_mesh(mesh, authored, scheme, _holes(mesh, authored, reading), matrices, reading)
     polygons = refined.polygons
     corners, polygon = triangulate(polygons)
     left_handed = reading.get(mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded

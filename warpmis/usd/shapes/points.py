@@ -13,6 +13,7 @@ from warpmis.usd.shapes.subdiv.masks import LINEAR_TRIANGLES
 from warpmis.usd.shapes.subdiv.topology import edge_table
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
 from warpmis.usd.shapes.thin_widths import thin_widths
+from warpmis.usd.sight import largest_places, sampled, worthwhile_levels
 
 # Points are rendered as icosahedra refined as often as subdivision surfaces, but not beyond this.
 MAX_TRIANGLES = 1 << 22
@@ -37,10 +38,10 @@ def read_points(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | 
     if not sound.all():
         reading.warn(prim.GetPath(), f"{int((~sound).sum())} points left out: they or their widths are not finite")
     shown = np.flatnonzero(sound & (diameters[:, 0] > 0.0))
-    levels = reading.levels
+    most = levels = _visible_levels(points[shown], diameters[shown, 0], matrices, reading)
     while levels > 0 and 20 * 4**levels * len(shown) > MAX_TRIANGLES:
         levels -= 1
-    if levels < reading.levels:
+    if levels < most:
         reading.warn(prim.GetPath(), f"its {len(shown)} points are rendered in less detail than asked for")
     directions, triangles = icosphere(levels)
     spheres = points[shown, None] + 0.5 * diameters[shown, None] * directions
@@ -51,6 +52,21 @@ def read_points(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | 
         normals=directions,
         normal_indices=np.tile(triangles, (len(shown), 1)),
     )
+
+
+def _visible_levels(points: FloatArray, diameters: FloatArray, matrices: FloatArray, reading: Reading) -> int:
+    """The reading's levels, but none whose triangles are smaller than a pixel where the points look largest."""
+    if reading.sight is None or not len(points):
+        return reading.levels
+    rows = sampled(len(points))
+    low, high = points.min(axis=0), points.max(axis=0)
+    levels = 0
+    for matrix in largest_places(matrices, (low + high) / 2, float(np.linalg.norm(high - low)) / 2, reading.sight):
+        scale = float(np.linalg.norm(matrix[:3, :3])) / np.sqrt(3.0)
+        pixels = reading.sight.pixels(points[rows] @ matrix[:3, :3] + matrix[3, :3])
+        first = np.pi * (diameters[rows] * scale * pixels) ** 2 / (20 * 4)
+        levels = max(levels, worthwhile_levels(first, reading.levels))
+    return levels
 
 
 def icosphere(levels: int) -> tuple[FloatArray, IntArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -88,15 +89,36 @@ def _fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArra
     """Per face the local corner to fan from, and whether it must be clipped instead; shape (len(faces),) each."""
     pivots = np.zeros(len(faces), np.int64)
     clipped = np.zeros(len(faces), bool)
-    large = np.flatnonzero(polygons.counts[faces] >= 4)
-    for first in range(0, len(large), BATCH_FACES):
-        batch = large[first : first + BATCH_FACES]
+    counts = polygons.counts[faces]
+    for batch in _batches(np.flatnonzero(counts == 4)):
+        pivots[batch] = _quad_pivots(polygons, faces[batch])
+    for batch in _batches(np.flatnonzero(counts > 4)):
         pivots[batch], clipped[batch] = _large_fan_pivots(polygons, faces[batch])
     return pivots, clipped
 
 
+def _batches(rows: IntArray) -> Iterator[IntArray]:
+    return (rows[first : first + BATCH_FACES] for first in range(0, len(rows), BATCH_FACES))
+
+
+def _quad_pivots(polygons: Polygons, faces: IntArray) -> IntArray:
+    """The same of quadrilaterals, which most meshes are made of: a column for each corner, an axis at a time."""
+    corners = polygons.indices[polygons.starts[faces, None] + np.arange(4)]
+    p = np.ascontiguousarray(polygons.points[corners].transpose(1, 2, 0))  # (corner, axis, face)
+    normal = _cross(p[2] - p[0], p[3] - p[1])  # twice the vector area
+    edges = np.roll(p, -1, axis=0) - p
+    turns = [np.einsum("af,af->f", _cross(edges[(i + 3) % 4], edges[i]), normal) for i in range(4)]
+    reflex = np.stack(turns) < -REFLEX_TOLERANCE * np.einsum("af,af->f", normal, normal)
+    return np.where(reflex.sum(axis=0) == 1, reflex.argmax(axis=0), 0)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products of vectors whose axes come first, shape (3, n)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
 def _large_fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, BoolArray]:
-    """The same of faces of four corners or more."""
+    """The same of faces of more than four corners."""
     pivots = np.zeros(len(faces), np.int64)
     corner, before, after, row = corner_neighbours(polygons, faces)
     counts = polygons.counts[faces]
@@ -110,4 +132,4 @@ def _large_fan_pivots(polygons: Polygons, faces: IntArray) -> tuple[IntArray, Bo
     number = np.add.reduceat(reflex.astype(np.int64), begin)
     single = reflex & (number == 1)[row]
     pivots[row[single]] = (corner - corner[begin][row])[single]
-    return pivots, (number > 1) & (counts > 4)
+    return pivots, number > 1

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from warpmis.usd.reading import Reading
-from warpmis.usd.shapes.polygons import Polygons, corner_crosses
-from warpmis.usd.shapes.subdiv.cage import read_cage
+from warpmis.usd.shapes.polygons import Polygons, corner_crosses, corner_neighbours
+from warpmis.usd.shapes.subdiv.cage import hides_border, read_cage
 from warpmis.usd.shapes.subdiv.masks import BILINEAR, CATMULL_CLARK, CATMULL_CLARK_SMOOTH_TRIANGLES, LOOP, Scheme
 from warpmis.usd.shapes.subdiv.refinement import Refinement
 from warpmis.usd.shapes.surfaces import FloatArray, IntArray
+from warpmis.usd.sight import largest_places, sampled, worthwhile_levels
 
 # A mesh is not refined to more faces than this: a million quadrilaterals once, a quarter of a million twice.
 MAX_FACES = 1 << 22
@@ -88,22 +89,29 @@ def equal_rows(values: FloatArray) -> IntArray:
     return first[key]
 
 
-def refined_mesh(mesh: Any, polygons: Polygons, scheme_name: str, holes: IntArray, reading: Reading) -> RefinedMesh:
-    """The mesh refined as often as the reading says, or as it is authored.
+def refined_mesh(
+    mesh: Any, polygons: Polygons, scheme_name: str, holes: IntArray, matrices: FloatArray, reading: Reading
+) -> RefinedMesh:
+    """The mesh refined as often as the reading says and can be seen, or as it is authored.
 
     Args:
         polygons: those usable that are sound.
         holes: faces that shape the surface but are not shown, in range.
+        matrices: local to world, shape (k, 4, 4).
     """
     scheme = _scheme(mesh, polygons, scheme_name, reading)
     shown = polygons.usable.copy()
     shown[holes] = False
     sound = np.flatnonzero(polygons.usable)
-    levels = _levels(mesh, scheme, polygons.counts[sound], reading)
-    if scheme is None or levels == 0:
-        return RefinedMesh(replace(polygons, usable=shown), np.arange(len(shown)), polygons)
+    levels = 0 if scheme is None else _levels(mesh, scheme, polygons, matrices, reading)
     corners = np.flatnonzero(np.repeat(polygons.usable, polygons.counts))
+    # What interpolateBoundary makes holes is not shown, either, of a mesh that is too small to be refined.
+    if scheme is None or (levels == 0 and (reading.levels == 0 or not hides_border(mesh, reading))):
+        return RefinedMesh(replace(polygons, usable=shown), np.arange(len(shown)), polygons)
     cage, hidden = read_cage(mesh, polygons.counts[sound], polygons.indices[corners], len(polygons.points), reading)
+    if levels == 0:
+        shown[sound] &= ~hidden
+        return RefinedMesh(replace(polygons, usable=shown), np.arange(len(shown)), polygons)
     linear = str(reading.get(mesh.GetFaceVaryingLinearInterpolationAttr(), "cornersPlus1"))
     refinement = Refinement(cage, scheme, levels, linear)
     normals: tuple[FloatArray, IntArray] | None = None
@@ -133,16 +141,41 @@ def _scheme(mesh: Any, polygons: Polygons, name: str, reading: Reading) -> Schem
     return CATMULL_CLARK_SMOOTH_TRIANGLES if rule == "smooth" else CATMULL_CLARK
 
 
-def _levels(mesh: Any, scheme: Scheme | None, counts: IntArray, reading: Reading) -> int:
-    """How often to refine faces of these numbers of corners: the reading's levels, unless that gives too many faces."""
-    if scheme is None:
-        return 0
-    first = 4 * len(counts) if scheme is LOOP else int(counts.sum())
+def _levels(mesh: Any, scheme: Scheme, polygons: Polygons, matrices: FloatArray, reading: Reading) -> int:
+    """How often to refine: the reading's levels, but none whose faces are smaller than a pixel, or too many."""
+    counts = polygons.counts[polygons.usable]
     levels = reading.levels
+    if reading.sight is not None and levels:
+        children = np.full(len(counts), 4) if scheme is LOOP else counts
+        levels = _visible_levels(polygons, children, matrices, reading)
+    first = 4 * len(counts) if scheme is LOOP else int(counts.sum())
+    most = levels
     while levels > 0 and first * 4 ** (levels - 1) > MAX_FACES:
         levels -= 1
-    if levels < reading.levels:
+    if levels < most:
         times = "once" if levels == 1 else f"{levels} times"
         how = times if levels else "not at all"
-        reading.warn(mesh.GetPath(), f"refined {how}, not {reading.levels} times: it would have over {MAX_FACES} faces")
+        reading.warn(mesh.GetPath(), f"refined {how}, not {most} times: it would have over {MAX_FACES} faces")
+    return levels
+
+
+def _visible_levels(polygons: Polygons, children: IntArray, matrices: FloatArray, reading: Reading) -> int:
+    """How many levels give faces no smaller than a pixel where the mesh looks largest.
+
+    Args:
+        children: how many faces the first level makes of each usable one.
+    """
+    faces = np.flatnonzero(polygons.usable)
+    rows = sampled(len(faces))
+    corner, _, after, row = corner_neighbours(polygons, faces[rows])
+    here, there = polygons.points[polygons.indices[corner]], polygons.points[polygons.indices[after]]
+    low, high = here.min(axis=0), here.max(axis=0)
+    levels = 0
+    for matrix in largest_places(matrices, (low + high) / 2, float(np.linalg.norm(high - low)) / 2, reading.sight):
+        a, b = (points @ matrix[:3, :3] + matrix[3, :3] for points in (here, there))
+        begin = np.flatnonzero(np.diff(row, prepend=-1))
+        centers = np.add.reduceat(a, begin) / np.diff(begin, append=len(a))[:, None]
+        twice = np.add.reduceat(np.cross(a - centers[row], b - centers[row]), begin)
+        area = 0.5 * np.linalg.norm(twice, axis=1) * reading.sight.pixels(centers) ** 2
+        levels = max(levels, worthwhile_levels(area / children[rows], reading.levels))
     return levels

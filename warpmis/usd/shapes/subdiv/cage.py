@@ -26,15 +26,23 @@ def read_cage(
     creases = _creased_edges(mesh, bare, reading)
     corners = _corner_vertices(mesh, points, reading)
     hidden = np.zeros(len(counts), bool)
-    boundary = str(reading.get(mesh.GetInterpolateBoundaryAttr(), "edgeAndCorner"))
-    if boundary == "edgeAndCorner":
+    if interpolate_boundary(mesh, reading) == "edgeAndCorner":
         corners[np.bincount(indices, minlength=points) == 1] = np.inf
-    elif boundary == "none":
+    elif hides_border(mesh, reading):
         open_ends = np.zeros(points, bool)
         open_ends[bare.ends[(bare.edge_faces == 1) & np.isfinite(creases)]] = True
         hidden = np.logical_or.reduceat(open_ends[indices], bare.starts)
     sharpness = np.maximum(bare.edge_sharpness, creases)
     return replace(bare, edge_sharpness=sharpness, vertex_sharpness=corners), hidden
+
+
+def interpolate_boundary(mesh: Any, reading: Reading) -> str:
+    return str(reading.get(mesh.GetInterpolateBoundaryAttr(), "edgeAndCorner"))
+
+
+def hides_border(mesh: Any, reading: Reading) -> bool:
+    """Whether faces along open edges are holes."""
+    return interpolate_boundary(mesh, reading) == "none"
 
 
 def _creased_edges(mesh: Any, cage: Topology, reading: Reading) -> FloatArray:
