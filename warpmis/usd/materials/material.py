@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import UsdShade
 
 from warpmis.scene import Material
@@ -18,7 +17,7 @@ from warpmis.usd.materials.shading_network import ShadingNetwork
 from warpmis.usd.materials.subsets import claim, material_subsets
 from warpmis.usd.materials.texture import TextureReader
 from warpmis.usd.reading import PxrError, Reading, one_line
-from warpmis.usd.shapes.instance_primvars import Scopes
+from warpmis.usd.shapes.instance_primvars import Scopes, source_of_primvar
 from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead, corner_primvars, primvar_elements
 from warpmis.usd.shapes.surfaces import NO_PLACES, Shading, Surface
 
@@ -84,18 +83,19 @@ class MaterialReader:
         if (by_triangle < 0).any():
             by_triangle = np.where(by_triangle < 0, len(found), by_triangle)
             found.append(self.bound(prim) or display_material(prim, surface, scopes, self.reading))
-        read = [corner_primvars(prim, surface, bound.columns, scopes, self.reading) for bound in found]
-        columns = side_by_side(read)
+        columns = side_by_side(prim, [bound.columns for bound in found], scopes)
         index = self.shared_index if prim.IsInstanceProxy() else self.index
         shifted = [moved(bound.material, own.start) for bound, own in zip(found, columns, strict=True)]
         materials = np.array([index(material) for material in shifted], np.int64)
         block = np.zeros((len(by_triangle), 3, max((own.stop for own in columns), default=0)), np.float32)
-        places = np.zeros((len(read[0][1]) if read else 1, block.shape[-1]), np.float32)
-        for number, (corners, of_places) in enumerate(read):
-            rows, own = by_triangle == number, columns[number]
-            block[rows, :, own] = corners[rows]
-            places[:, own] += of_places
-        return Shading(materials[by_triangle], block, places if np.isnan(block).any() else NO_PLACES)
+        places = np.zeros((len(scopes[0].instance) if scopes else 0, block.shape[-1]), np.float32)
+        for number, (bound, own) in enumerate(zip(found, columns, strict=True)):
+            rows = by_triangle == number
+            if bound.columns.width and rows.any():
+                corners, of_places = corner_primvars(prim, surface, bound.columns, scopes, self.reading)
+                block[rows, :, own] = corners[rows]
+                places[:, own] += of_places
+        return Shading(materials[by_triangle], block, places if scopes and np.isnan(block).any() else NO_PLACES)
 
     def glows(self, prim: Any) -> bool:
         """Whether a material of a gprim, or of one of its subsets, emits light."""
@@ -175,10 +175,11 @@ def _purpose_of(relationship: Any) -> str:
     return words[0] if words else ""
 
 
-def side_by_side(read: list[tuple[NDArray[np.float32], NDArray[np.float32]]]) -> list[slice]:
-    """The columns of each material of a gprim: all from 0 on, unless several have values of the gprim's places."""
-    widths = [corners.shape[-1] for corners, _ in read]
-    several = sum(bool(np.isnan(corners).any()) for corners, _ in read) > 1
+def side_by_side(prim: Any, read: list[PrimvarColumns], scopes: Scopes) -> list[slice]:
+    """The columns of each material of a gprim: all from 0 on, unless several read what a PointInstancer authors."""
+    sources = [[source_of_primvar(prim, one.name, scopes) for one in columns.reads if scopes] for columns in read]
+    several = sum(any(source is not None and source.scope is not None for source in one) for one in sources) > 1
+    widths = [columns.width for columns in read]
     starts = np.cumsum([0, *widths[:-1]]) if several else np.zeros(len(widths), np.int64)
     return [slice(int(start), int(start) + width) for start, width in zip(starts, widths, strict=True)]
 

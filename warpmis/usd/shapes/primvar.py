@@ -63,7 +63,7 @@ def corner_primvars(
     In the former a column is NaN that the latter have; in the latter the others are 0.
     """
     block = np.empty((len(surface.faces), 3, columns.width), np.float32)
-    places = np.zeros((len(scopes[0].instance) if scopes else 1, columns.width), np.float32)
+    places = np.zeros((len(scopes[0].instance) if scopes else 0, columns.width), np.float32)
     for read, column in columns.reads.items():
         own = slice(column, column + read.width)
         values, of_places = corner_values(prim, surface, read, scopes, reading)
