@@ -36,7 +36,10 @@ ALLOWED: dict[str, set[str]] = {
         "",
     },
     "compare": {"config", "methods", "errors", "film", "output", "rendering.progress", "whole_numbers", ""},
-    "cli": {"compare", "config", "methods", "errors", "inspection", "output", "rendering", "scene", "usd", ""},
+    "cli": {
+        "compare", "config", "device.kernel_cache", "device.start", "errors", "inspection", "methods", "output",
+        "rendering", "scene", "usd", "",
+    },
     "__main__": {"cli"},
     "": {"config", "errors", "rendering", "scene", "usd"},
 }  # fmt: skip

@@ -1,7 +1,6 @@
 """`python -m warpmis`."""
 
-import sys
+from warpmis.cli import program
 
-from warpmis.cli import main
-
-sys.exit(main())
+if __name__ == "__main__":
+    program()

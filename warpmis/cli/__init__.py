@@ -7,7 +7,9 @@ What takes long to import is imported once it is needed, so that --help answers 
 from __future__ import annotations
 
 import argparse
+import atexit
 import os
+import sys
 import traceback
 from collections.abc import Sequence
 from typing import NoReturn
@@ -15,6 +17,7 @@ from typing import NoReturn
 import warpmis
 from warpmis.cli import compare, compile, inspect, render
 from warpmis.cli.console import fail, load_pxr
+from warpmis.cli.streams import Forgiving, open_closed_streams, output_is_closed
 from warpmis.errors import ConfigError, WarpmisError
 
 EXIT_DONE = 0
@@ -23,10 +26,27 @@ EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 
+def program() -> NoReturn:
+    """`warpmis` in a shell: run its command and end the process with its status."""
+    open_closed_streams()
+    status = main()
+    compilation = sys.modules.get("warpmis.device.compilation")
+    if compilation is not None and compilation.is_compiling():
+        # Python would wait for the compiling threads, some seconds long, for kernels that nobody will launch.
+        compilation.kernel_cache.discard_unfinished()
+        atexit._run_exitfuncs()
+        for stream in (sys.stdout, sys.stderr):
+            Forgiving(stream).flush()
+        os._exit(status)
+    sys.exit(status)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status; never raises but argparse's SystemExit."""
     arguments = _parsed(argv)
     try:
+        if getattr(arguments, "json", False) and output_is_closed():
+            raise ConfigError("--json prints on standard output, which is closed; open it or drop --json")
         load_pxr()
         arguments.run(arguments)
     except ConfigError as error:

@@ -12,6 +12,7 @@ import warpmis
 from warpmis.cli.console import progress_bar, say, start_warp
 from warpmis.cli.option_values import time_in_seconds, whole_number
 from warpmis.cli.stage_options import add_stage_options, given, stage_options
+from warpmis.cli.streams import print_result
 from warpmis.compare.variants import KNOBS, Variant, chosen_variants, default_variants, swept
 from warpmis.config import RenderConfig
 from warpmis.errors import ConfigError
@@ -121,7 +122,7 @@ def run(arguments: argparse.Namespace) -> None:
             for line in summary[kind]:
                 say(f"{kind[:-1]}: {line}")
     if arguments.json:
-        print(json.dumps(summary, allow_nan=False))
+        print_result(json.dumps(summary, allow_nan=False))
     elif not arguments.quiet:
         _print_table(summary)
         say(f"{os.path.join(arguments.out, REPORT)}")

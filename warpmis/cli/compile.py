@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import Any
 
 import warpmis
-from warpmis.cli.console import plain, say, start_warp
+from warpmis.cli.console import plain, progress_bar, say, start_warp
 from warpmis.cli.render import (
     add_kernel_options,
     forced_features,
@@ -15,6 +16,7 @@ from warpmis.cli.render import (
     methods_epilog,
 )
 from warpmis.cli.stage_options import add_stage_options, stage_options
+from warpmis.cli.streams import print_result
 from warpmis.config import DEFAULT_STRATEGIES, RenderConfig
 
 DESCRIPTION = """Compile the kernels that `render` needs with the same options, without rendering. Use it to fill Warp's
@@ -48,11 +50,16 @@ def run(arguments: argparse.Namespace) -> None:
         options["allocation"] = (1.0 / max(count, 1),) * count
     config = RenderConfig(**options)
     start_warp()
+    from warpmis.device.kernel_cache import check_cache
     from warpmis.rendering.specialise import compile_scene
 
+    check_cache()
     scene = warpmis.load_stage(arguments.stage, width=arguments.image_width, **stage_options(arguments))
-    done = compile_scene(scene, config, forced_features(arguments))
+    with progress_bar(quiet=arguments.quiet or not sys.stderr.isatty()) as show:
+        done = compile_scene(scene, config, forced_features(arguments), show)
     if not arguments.quiet:
         say(f"{scene.name}: {done.compiled} kernels compiled in {done.seconds:.1f} s, {done.cached} were in the cache")
     if arguments.json:
-        print(json.dumps(plain({"version": warpmis.__version__, "stage": scene.name, **vars(done)}), allow_nan=False))
+        print_result(
+            json.dumps(plain({"version": warpmis.__version__, "stage": scene.name, **vars(done)}), allow_nan=False)
+        )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
+
+from warpmis.cli.streams import Forgiving
 
 if TYPE_CHECKING:
     from warpmis.rendering.progress import Progress
@@ -22,7 +22,8 @@ SUPPLIED = "(supplied)"
 
 
 def say(line: str) -> None:
-    print(f"warpmis: {' '.join(line.split())}", file=sys.stderr)  # one line, whatever a library put in its message
+    """One line on standard error, whatever a library put in its message."""
+    print(f"warpmis: {' '.join(line.split())}", file=Forgiving(sys.stderr))
 
 
 def fail(message: str, status: int) -> int:
@@ -46,26 +47,11 @@ def load_pxr() -> None:
 
 
 def start_warp() -> None:
-    """Initialise Warp without its chatter.
+    """Start Warp, and say what its native half has to say."""
+    from warpmis.device.start import start_warp as start
 
-    It tells of its devices and of every kernel it loads on standard output, which is for --json alone, and its native
-    half warns of a missing CUDA driver, which most machines have no use for, on the process's standard error.
-    """
-    import warp as wp
-
-    wp.config.log_level = wp.LOG_ERROR
-    stderr = os.dup(2)
-    with tempfile.TemporaryFile() as heard:
-        os.dup2(heard.fileno(), 2)
-        try:
-            wp.init()
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        heard.seek(0)
-        for line in heard.read().decode(errors="replace").splitlines():
-            if "Could not find or load the NVIDIA CUDA driver" not in line:
-                say(line)
+    for line in start():
+        say(line)
 
 
 def plain(value: Any) -> Any:
@@ -95,7 +81,7 @@ def error_text(error: float, spread: float) -> str:
 def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress], None] | None]:
     """A bar on a terminal, which begins with `label`; elsewhere a line if kernels are compiled; None if quiet."""
     if quiet or not sys.stderr.isatty():
-        yield None if quiet else say_compilation
+        yield None if quiet else compilation_line()
         return
     from rich.console import Console
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -108,7 +94,7 @@ def progress_bar(*, quiet: bool, label: str = "") -> Iterator[Callable[[Progress
         TextColumn("{task.fields[speed]}"),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(file=cast(TextIO, Forgiving(sys.stderr))), transient=True) as bar:
         task = bar.add_task("load", total=None, speed="")
 
         def show(progress: Progress) -> None:
@@ -134,7 +120,14 @@ def byte_text(size: float) -> str:
     return f"{size:.4g} GiB"
 
 
-def say_compilation(progress: Progress) -> None:
-    """Why nothing is seen for some seconds."""
-    if progress.phase == "compile" and progress.detail:
-        say(f"compiling {progress.detail}")
+def compilation_line() -> Callable[[Progress], None]:
+    """Says once why nothing is seen for some seconds."""
+    details: list[str] = []
+
+    def show(progress: Progress) -> None:
+        if progress.phase == "compile" and progress.detail:
+            if not details:
+                say(f"compiling {progress.detail}")
+            details.append(progress.detail)
+
+    return show

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import warpmis
 from warpmis.cli.console import SUPPLIED, byte_text, plain
 from warpmis.cli.stage_options import add_stage_options, stage_options
+from warpmis.cli.streams import print_result
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
     scene = warpmis.load_stage(arguments.stage, width=arguments.image_width, **stage_options(arguments))
     inspection = inspect_scene(scene)
     if arguments.json:
-        print(json.dumps(plain({"version": warpmis.__version__, **inspection.to_dict()}), allow_nan=False))
+        print_result(json.dumps(plain({"version": warpmis.__version__, **inspection.to_dict()}), allow_nan=False))
     else:
         _print(inspection)
 

@@ -16,6 +16,7 @@ from warpmis.cli.frame_ranges import frame_list
 from warpmis.cli.jobs import Job, jobs_of
 from warpmis.cli.option_values import error_share, name_list, number_list, time_in_seconds, whole_number
 from warpmis.cli.stage_options import add_stage_options, given, stage_options
+from warpmis.cli.streams import print_result
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
 from warpmis.errors import ConfigError, Interrupted
 from warpmis.methods import METHODS
@@ -248,7 +249,7 @@ def run(arguments: argparse.Namespace) -> None:
     finally:
         if arguments.json and reports:
             many = "products" if arguments.products else "frames" if arguments.frames else None
-            print(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
+            print_result(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
 
 
 def _check_has_map(config: RenderConfig) -> None:

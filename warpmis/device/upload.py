@@ -18,6 +18,7 @@ from warpmis.device.light_control import control_view
 from warpmis.device.material import MaterialTables, material_tables, texels_of, upload_materials
 from warpmis.device.mesh import front_normals, padded_boxes
 from warpmis.device.order import first_use_order, morton_order
+from warpmis.device.start import start_warp
 from warpmis.device.struct_arrays import records
 from warpmis.device.trees import upload_trees
 from warpmis.device.views import (
@@ -49,7 +50,8 @@ class DeviceScene:
 
 
 def check_device(device: str) -> None:
-    """Raise a ConfigError where the machine lacks the device."""
+    """Raise a ConfigError where the machine lacks the device. Starts Warp."""
+    start_warp()
     known = [str(found) for found in wp.get_devices()]
     if device not in known and not (device == "cuda" and wp.is_cuda_available()):
         raise ConfigError(f"this machine has no device '{device}'; choose from {', '.join(known)}")

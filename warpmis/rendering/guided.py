@@ -21,7 +21,7 @@ from warpmis.cache.spatial_cache import SpatialCache
 from warpmis.cache.training import Training, training_rounds
 from warpmis.config import RenderConfig
 from warpmis.device.cache_views import CacheView, VertexRecord
-from warpmis.device.compilation import load_kernels
+from warpmis.device.compilation import Compiler
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes
 from warpmis.device.upload import DeviceScene
@@ -45,9 +45,9 @@ CACHE_ARRAYS = ("nodes", "cells", "densities", "pixel_worth", "records")
 
 
 def guided_kernels(features: Features) -> tuple[wp.Kernel, ...]:
-    """For the pilot and pictures that do not gain; for rounds that train; for the picture; and the records' kernel."""
-    guided = (make_trace(features.with_cache(cache)) for cache in ("record", "guide"))
-    return (make_trace(features), *guided, make_locate())
+    """For the pilot and pictures that do not gain; for rounds that train, and their records; and for the picture."""
+    record, guide = (make_trace(features.with_cache(cache)) for cache in ("record", "guide"))
+    return (make_trace(features), record, make_locate(), guide)
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,19 @@ class CacheRound(Round):
 class GuidedIntegrator(Integrator):
     """One render in progress, by a spatial cache."""
 
-    def __init__(self, scene: DeviceScene, features: Features, config: RenderConfig, allocation: Any) -> None:
-        super().__init__(scene, features, config, allocation)
-        self.plain_kernel, self.record_kernel, self.guide_kernel, _ = guided_kernels(features)
+    def __init__(
+        self,
+        scene: DeviceScene,
+        features: Features,
+        config: RenderConfig,
+        allocation: Any,
+        compiler: Compiler | None = None,
+    ) -> None:
+        super().__init__(scene, features, config, allocation, compiler)
+        self.plain_kernel, self.record_kernel, self.locate_kernel, self.guide_kernel = guided_kernels(features)
         self.cache = SpatialCache(scene.extent, config.device)
-        load_kernels(guided_kernels(features), config.device)
+        if compiler is None:
+            self.compiler.wait(guided_kernels(features))
         self.is_guided = False
         self.strength = 1.0
         self.pilot_pictures: list[Film] = []
@@ -120,6 +128,7 @@ class GuidedIntegrator(Integrator):
     def _launch_round(
         self, part: Round, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]
     ) -> None:
+        self.compiler.wait([kernel])
         everyone = wp.empty(0, dtype=wp.uint8, device=self.config.device)
         passes = [Pass(kernel, everyone, 0, self.nothing[0], film, self.nothing[1])]
         lock = threading.Lock()
@@ -161,9 +170,12 @@ class GuidedIntegrator(Integrator):
         variance = relative_variance(first.image(), second.image(), expected_luminance(both.color, both.count))
         self.strength = rate_strength(self.traced_rays / max(int(both.count.sum()), 1), variance)
         self.is_guided = variance > THRESHOLD
+        if self.is_guided:
+            self.compiler.begin((self.record_kernel, self.locate_kernel, self.guide_kernel))
 
     def _learn(self, training: Training) -> None:
         assert self.records is not None and self.scratch is not None
+        self.compiler.wait([self.locate_kernel])
         self.cache.learn(self.records, self._launch_over)
         self.records = None
         film = download_film(self.scratch, *self._size(training.stride))

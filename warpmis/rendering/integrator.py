@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
@@ -15,7 +14,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
-from warpmis.device.compilation import load_kernels
+from warpmis.device.compilation import Compiler
+from warpmis.device.cpus import available_cpus
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes, scene_bytes
 from warpmis.device.upload import DeviceScene
@@ -64,11 +64,6 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
     return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
 
 
-def available_cpus() -> int:
-    """CPUs that this process may use, where the system tells them from all that there are."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
     stratified = config.strategy_choice == "stratified"
     lattice = config.sampler == "lattice"
@@ -115,7 +110,9 @@ class Integrator:
         features: Features,
         config: RenderConfig,
         allocation: NDArray[np.float32],
+        compiler: Compiler | None = None,
     ) -> None:
+        """compiler: where the kernels come from when they are needed; without one all are here from the beginning."""
         self.scene = scene
         self.config = config
         self.width, self.height = scene.camera.width, scene.camera.height
@@ -126,8 +123,9 @@ class Integrator:
         self.learner = learner_of(features, config, (self.width, self.height))
         self.stride = self.learner.stride
         self.identify = identify_of(features, config)
-        # Here for those who build one alone; a render has compiled all of them before its upload.
-        load_kernels((*kernels, *self.learner.kernels, *self.identify), config.device)
+        self.compiler = compiler or Compiler(config.device)
+        if compiler is None:
+            self.compiler.wait((*kernels, *self.learner.kernels, *self.identify))
         self.is_cuda = wp.get_device(config.device).is_cuda
         self.threads = 1 if self.is_cuda else config.threads or available_cpus()
         self.pool = ThreadPoolExecutor(self.threads)
@@ -179,15 +177,37 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        passes, view, taken = self._passes(part.learn), self._round_view(part, samples), self._taken(part, samples)
+        view, taken = self._round_view(part, samples), self._taken(part, samples)
+        for passes in self._waves(self._passes(part.learn)):
+            self.compiler.wait([one.kernel for one in passes])
+            counts = taken
+            if len(passes) == 1 and passes[0].estimators.shape[0]:
+                counts = taken * (passes[0].estimators.numpy() == passes[0].estimator)
+            self._trace(passes, view, counts, advance)
+
+    def _waves(self, passes: list[Pass]) -> list[list[Pass]]:
+        """Passes to launch together: all of them, or while a kernel is being compiled the others first.
+
+        Each pixel goes through one pass, so the picture is the same.
+        """
+        kernels = [one.kernel for one in passes]
+        self.compiler.begin(kernels)
+        if not any(self.compiler.compiles(kernel) for kernel in kernels):
+            return [passes]
+        return [[one] for one in sorted(passes, key=lambda one: self.compiler.place(one.kernel))]
+
+    def _trace(
+        self, passes: list[Pass], view: RoundView, counts: NDArray[np.int64], advance: Callable[[int], None]
+    ) -> None:
+        """Launch the passes over all pixels, or cells; `counts`: how many of the samples each takes."""
         lock = threading.Lock()
 
         def launch(job: tuple[int, int]) -> None:
             self._launch(passes, view, *job)
             with lock:
-                advance(int(taken[job[0] : sum(job)].sum()))
+                advance(int(counts[job[0] : sum(job)].sum()))
 
-        self._run(launch, self._jobs(len(taken), len(samples)))
+        self._run(launch, self._jobs(len(counts), view.end_sample - view.first_sample))
 
     def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
         """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
@@ -267,6 +287,7 @@ class Integrator:
         Of a render that was asked for them.
         """
         (kernel,) = self.identify
+        self.compiler.wait([kernel])
         found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
 
         def launch(job: tuple[int, int]) -> None:
@@ -282,6 +303,7 @@ class Integrator:
 
     def solve(self, part: Round) -> None:
         """One step of the method's solver from the moments of the rounds up to this one, for the round to come."""
+        self.compiler.wait(self.learner.kernels)
         self.learner.step(self.learned, self.learn_film, self._launch_solver)
         samples = lattice_length(part.following) if part.following else 0
         self.learner.round_to_samples(self.learned, samples, self._launch_solver)

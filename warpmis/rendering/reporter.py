@@ -40,6 +40,7 @@ class Reporter:
         self.watch: Watch | None = None
         self.current = ""
         self.detail = ""
+        self.waiting: tuple[str, str, float] | None = None
         self.started = self.reported = time.perf_counter()
         self.tracing_since = 0.0
 
@@ -50,6 +51,19 @@ class Reporter:
             self.tracing_since = self.started
         self.current, self.detail = name, detail
         self._report()
+
+    def compiling(self, detail: str) -> None:
+        """The render waits for kernels, as `detail` says; with "" it goes on with what it was at."""
+        if detail:
+            if self.current != "compile":
+                self.waiting = (self.current, self.detail, time.perf_counter())
+            self.phase("compile", detail)
+        elif self.waiting is not None:
+            phase, before, since = self.waiting
+            if self.tracing_since:
+                self.tracing_since += time.perf_counter() - since
+            self.waiting = None
+            self.phase(phase, before)
 
     def end_phase(self) -> None:
         """Add the present phase's time to those of its name."""

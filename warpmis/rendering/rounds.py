@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from warpmis.config import RenderConfig
-from warpmis.device.compilation import load_kernels
+from warpmis.device.compilation import Compiler
+from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import Uploads, upload
 from warpmis.errors import Interrupted
 from warpmis.learn.schedule import Round
@@ -12,7 +13,7 @@ from warpmis.rendering.integrator import Integrator, allocation_of
 from warpmis.rendering.reporter import Reporter
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.run import Run
-from warpmis.rendering.specialise import features_of, kernels_of
+from warpmis.rendering.specialise import begin_compiling, features_of, kernels_of
 from warpmis.rendering.stopping import Watch
 from warpmis.scene import Scene
 from warpmis.scene.features import Features
@@ -27,7 +28,21 @@ def render_scene(
         ConfigError: the machine lacks the device, or an allocation map is not of the picture's size.
         Interrupted: Ctrl-C, after samples were taken; it holds the result so far.
     """
-    run = begin(scene, config, features, reporter, uploads)
+    features = features_of(scene, config, features)
+    reporter.phase("compile")
+    kernels = kernels_of(features, config)
+    # A time limit is for tracing: all kernels are compiled before it begins.
+    at_once = kernels.sure if config.time_limit is None else kernels.all
+    with begin_compiling(at_once, config.device, reporter) as compiler:
+        if config.time_limit is not None:
+            compiler.wait(at_once)
+        run = begin(scene, config, features, compiler, reporter, uploads)
+        return rendered(run)
+
+
+def rendered(run: Run) -> RenderResult:
+    """Trace the rounds, and make the result of all samples that they took."""
+    reporter = run.reporter
     watch = reporter.watch
     try:
         trace_rounds(run)
@@ -45,24 +60,23 @@ def render_scene(
 
 
 def begin(
-    scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None
+    scene: Scene,
+    config: RenderConfig,
+    features: Features,
+    compiler: Compiler,
+    reporter: Reporter,
+    uploads: Uploads | None,
 ) -> Run:
-    """Compile the kernels and upload the scene."""
-    features = features_of(scene, config, features)
-    reporter.phase("compile")
-
-    def announce(count: int) -> None:
-        reporter.phase("compile", f"{count} kernel{'s' if count > 1 else ''}, first use of these effects")
-
-    compilation = load_kernels(kernels_of(features, config), config.device, announce)
+    """Upload the scene, while kernels for the rounds are compiled."""
     reporter.phase("load")
+    compiler.wait(tree_kernels(config.device))
     device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
     kind = GuidedIntegrator if config.how.cache else Integrator
-    integrator = kind(device_scene, features, config, allocation_of(config, *scene.resolution))
+    integrator = kind(device_scene, features, config, allocation_of(config, *scene.resolution), compiler)
     reporter.total = config.spp * integrator.pixels
     if config.stops:
         reporter.watch = Watch(config, scene.resolution, reporter.tracing_seconds)
-    return Run(scene, config, features, compilation, integrator, reporter)
+    return Run(scene, config, features, integrator, reporter)
 
 
 def trace_rounds(run: Run) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
-from warpmis.device.compilation import Compilation
+from warpmis.device import kernel_cache
 from warpmis.film.film import Film
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.reporter import Reporter
@@ -31,7 +31,6 @@ class Run:
     scene: Scene
     config: RenderConfig
     features: Features
-    compilation: Compilation
     integrator: Integrator
     reporter: Reporter
     round_allocations: list[NDArray[np.float32]] = field(default_factory=list)
@@ -41,6 +40,7 @@ class Run:
         scene, config, integrator = self.scene, self.config, self.integrator
         film, final = self._films()
         exposure = scene.camera.exposure
+        ids = integrator.ids() if config.ids else None
         stats = self._stats(film, final)
         return RenderResult(
             image=film.image() * np.float32(exposure),
@@ -52,7 +52,7 @@ class Run:
             variance=final.variance(exposure),
             allocation=integrator.allocation_map(),
             next_event=integrator.next_event_map().astype(np.float32) if config.uses_next_event else None,
-            ids=integrator.ids() if config.ids else None,
+            ids=ids,
             paths=tuple(prim.path for prim in scene.prims) if config.ids else (),
             round_allocations=tuple(self.round_allocations),
             strategies=config.strategies,
@@ -60,7 +60,7 @@ class Run:
             name=scene.name,
             settings={**config.to_dict(), "camera": scene.camera.path},
             warnings=scene.warnings,
-            notes=(*scene.notes, *notes, *self._rejected(stats)),
+            notes=(*scene.notes, *notes, *self._rejected(stats), *kernel_cache.notes()),
         )
 
     def _films(self) -> tuple[Film, Film]:
@@ -72,6 +72,7 @@ class Run:
 
     def _stats(self, film: Film, final: Film) -> RenderStats:
         integrator, reporter = self.integrator, self.reporter
+        compilation = integrator.compiler.outcome()
         seconds, rays, memory = reporter.phase_seconds(), integrator.rays(), integrator.bytes()
         tracing = seconds["learn"] + seconds["render"]
         stats: RenderStats = {
@@ -86,9 +87,9 @@ class Run:
             "features": [name for name, on in dataclasses.asdict(self.features).items() if on is True],
             "device": self.config.device,
             "threads": integrator.threads,
-            "compile_seconds": self.compilation.seconds,
-            "kernels_compiled": self.compilation.compiled,
-            "kernels_cached": self.compilation.cached,
+            "compile_seconds": compilation.seconds,
+            "kernels_compiled": compilation.compiled,
+            "kernels_cached": compilation.cached,
             "bytes": {"scene": memory["scene"], "picture": memory["picture"]},
         }
         certificate = integrator.certificate(final.variance(), film.image())

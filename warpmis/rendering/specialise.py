@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import warp as wp
 
 from warpmis.config import RenderConfig
-from warpmis.device.compilation import Compilation, load_kernels
+from warpmis.device.compilation import Compilation, Compiler
 from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import check_device
 from warpmis.rendering.guided import guided_kernels
 from warpmis.rendering.integrator import identify_of, learner_of, trace_kernels
+from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.scene import Scene
 from warpmis.scene.features import Features, detect
 
@@ -22,23 +26,57 @@ def features_of(scene: Scene, config: RenderConfig, features: Features | None = 
     return features.with_tree("wide" if config.device == "cpu" else "warp")
 
 
-def kernels_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
+@dataclass(frozen=True)
+class RunKernels:
+    """The kernels of a run: those that it needs, in the order in which it does, and those that it may never need."""
+
+    sure: tuple[wp.Kernel, ...]
+    perhaps: tuple[wp.Kernel, ...]
+
+    @property
+    def all(self) -> tuple[wp.Kernel, ...]:
+        return (*self.sure, *self.perhaps)
+
+
+def kernels_of(features: Features, config: RenderConfig) -> RunKernels:
     """All that a run would launch, whatever the size of its picture.
+
+    Where pixels can leave the mixture most of them do, so that its kernel waits until one has not.
 
     Raises:
         ConfigError: the machine lacks the device.
     """
     check_device(config.device)
+    tree, ids = tree_kernels(config.device), identify_of(features, config)
     if config.how.cache:
-        return [*guided_kernels(features), *identify_of(features, config), *tree_kernels(config.device)]
-    kernels = [*learner_of(features, config, (1, 1)).kernels, *identify_of(features, config)]
-    return [*trace_kernels(features), *kernels, *tree_kernels(config.device)]
+        plain, *guided = guided_kernels(features)
+        return RunKernels((plain, *tree, *ids), tuple(guided))
+    learn, shared, left = trace_kernels(features)
+    return RunKernels((learn, *tree, *learner_of(features, config, (1, 1)).kernels, left, *ids), (shared,))
 
 
-def compile_scene(scene: Scene, config: RenderConfig, features: Features | None = None) -> Compilation:
+def begin_compiling(kernels: Sequence[wp.Kernel], device: str, reporter: Reporter) -> Compiler:
+    """Kernels on their way, the first ones first, with a report of how many have to be compiled."""
+    compiler = Compiler(device, reporter.compiling)
+    compiler.begin(kernels)
+    if compiler.absent:
+        plural = "s" if compiler.absent > 1 else ""
+        reporter.phase("compile", f"{compiler.absent} kernel{plural}, first use of these effects")
+    return compiler
+
+
+def compile_scene(
+    scene: Scene, config: RenderConfig, features: Features | None = None, progress: ProgressCallback | None = None
+) -> Compilation:
     """Compile the kernels that `render` would launch for the scene, without rendering it.
 
     Raises:
         ConfigError: the machine lacks the device.
+        WarpmisError: there is no room to compile them.
     """
-    return load_kernels(kernels_of(features_of(scene, config, features), config), config.device)
+    reporter = Reporter(progress)
+    reporter.phase("compile")
+    kernels = kernels_of(features_of(scene, config, features), config).all
+    with begin_compiling(kernels, config.device, reporter) as compiler:
+        compiler.wait(kernels)
+        return compiler.outcome()

@@ -76,7 +76,7 @@ class RenderStats(TypedDict):
         triangles, lights: of the scene, instances included.
         features: names of the effects that the kernels were compiled with.
         device, threads: where it was rendered.
-        compile_seconds: time until all kernels were ready [s].
+        compile_seconds: time that the render waited for kernels [s]; others were compiled while it traced.
         kernels_compiled, kernels_cached: how many were compiled, and how many were found in the cache.
         bytes: device memory.
     """

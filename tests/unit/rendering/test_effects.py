@@ -16,7 +16,8 @@ from hard.checks import scene_of
 
 import warpmis
 from warpmis.config import RenderConfig
-from warpmis.device.compilation import cache_folder, load_kernels
+from warpmis.device.compilation import load_kernels
+from warpmis.device.kernel_cache import folder_of
 from warpmis.kernels.trace import make_trace
 from warpmis.rendering.specialise import features_of
 from warpmis.scene import DomeLight, Material
@@ -54,7 +55,7 @@ def source_of(features: Features) -> str:
     """The trace kernel's source as generated."""
     kernel = make_trace(features)
     load_kernels([kernel], "cpu")
-    (source,) = cache_folder(kernel.module, is_cpu=True).glob("*.cpp")
+    (source,) = folder_of(kernel.module, is_cpu=True).glob("*.cpp")
     return source.read_text()
 
 

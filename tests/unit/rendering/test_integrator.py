@@ -122,7 +122,7 @@ def test_kernels_of_a_run_have_the_same_compiler_options(method: str) -> None:
     """Warp keeps what the compiler has read of its headers for each set of options: 2 s of a first render each."""
     config = warpmis.RenderConfig(method=method, allocation=(0.5, 0.5) if method == "fixed" else None, ids=True)
     scene = scenes.room()
-    modules = {kernel.module for kernel in kernels_of(features_of(scene, config), config)}
+    modules = {kernel.module for kernel in kernels_of(features_of(scene, config), config).all}
     assert len(modules) > 2
     names = ("cpu_compiler_flags", "optimization_level", "mode", "fuse_fp")
     assert len({tuple(module.options.get(name) for name in names) for module in modules}) == 1
@@ -144,15 +144,24 @@ def test_allocation_map_is_used_per_pixel() -> None:
     assert mapped.allocation == pytest.approx(shares, abs=1e-6)
 
 
-def test_each_pixel_goes_through_its_own_estimator_s_kernel() -> None:
-    """Of a round of `auto` whose pixels have left the mixture here and there: bit for bit what the others render."""
+@pytest.mark.parametrize("in_turn", [False, True])
+def test_each_pixel_goes_through_its_own_estimator_s_kernel(in_turn: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a round of `auto` whose pixels have left the mixture here and there: bit for bit what the others render.
+
+    In turn, while a kernel is being compiled: the progress ends at the samples of all pixels, too.
+    """
     scene = scenes.room(12)
     by_next_event = np.random.default_rng(5).random((12, 12)) < 0.4
     config = warpmis.RenderConfig(method="auto", spp=8)
     features = detect(scene).with_strategies(config.strategies, config.how.statistics)
     run = integrator.Integrator(upload(scene, "cpu"), features, config, np.full((144, 2), 0.5, np.float32))
     run.allocation.estimators.assign(np.where(by_next_event, NEXT_EVENT, MIXTURE).astype(np.uint8).reshape(-1))
-    run.trace(Round(0, 8, learn=False), lambda samples: None)
+    passes, trace = [], run._trace
+    monkeypatch.setattr(run, "_trace", lambda given, *rest: (passes.append(len(given)), trace(given, *rest)))
+    monkeypatch.setattr(run.compiler, "compiles", lambda kernel: in_turn)
+    advances: list[int] = []
+    run.trace(Round(0, 8, learn=False), advances.append)
+    assert (passes, sum(advances)) == ([1, 1] if in_turn else [2], 12 * 12 * 8)
     image = download_film(run.film, 12, 12).image()
     next_event, shared = (warpmis.render(scene, method=method, spp=8).image for method in ("nee", "balance"))
     assert (next_event != shared).any(axis=-1).mean() > 0.5
