@@ -72,6 +72,9 @@ class Parser(argparse.ArgumentParser):
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = _parser()
+    for text in sys.argv[1:] if argv is None else argv:
+        if not is_utf8(text):
+            parser.error(f"{text!r} is not UTF-8, which USD and image libraries ask for")
     arguments, rest = parser.parse_known_args(argv)
     # argparse of Python 3.11 finds an optional OUT right behind STAGE alone.
     if len(rest) == 1 and not rest[0].startswith("-") and getattr(arguments, "out", "") is None:
@@ -79,6 +82,11 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     if rest:
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
     return arguments
+
+
+def is_utf8(text: str) -> bool:
+    """Python puts surrogates for what it cannot decode of its arguments."""
+    return not any("\udc80" <= character <= "\udcff" for character in text)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from warpmis.output.atomic import replacing
 from warpmis.output.tonemap import to_display
 
+# The chunk IEND without data, and its checksum. Source: W3C, "Portable Network Graphics (PNG) Specification", 11.2.5.
+PNG_END = b"\0\0\0\0IEND\xae\x42\x60\x82"
+
 
 def write_png(
     path: str | os.PathLike[str], linear: NDArray[np.floating], exposure: float = 0.0, *, srgb: bool = True
@@ -30,10 +33,19 @@ def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8], 
         output = oiio.ImageOutput.create("png")
         if output is None:
             raise RuntimeError(oiio.geterror())
-        # OpenImageIO reports errors by its return values alone.
+        # OpenImageIO reports errors by its return values alone, and a full disk not at all.
         done = output.open(temporary, spec) and output.write_image(np.ascontiguousarray(picture))
         if not (output.close() and done):
             raise OSError(output.geterror())
+        if not _is_whole(temporary):
+            raise OSError("No space left on device")
+
+
+def _is_whole(path: str) -> bool:
+    """Whether a file ends as a PNG file does. Writing goes forwards, so that nothing before it can be missing."""
+    with open(path, "rb") as file:
+        file.seek(max(0, os.path.getsize(path) - len(PNG_END)))
+        return file.read() == PNG_END
 
 
 def png_bytes(picture: NDArray[np.uint8]) -> bytes:
