@@ -24,7 +24,7 @@ from warpmis.output.png import write_display_png
 from warpmis.usd.materials.image import read_stored
 
 DOCS = Path(__file__).parents[2] / "docs"
-KEPT = ("first.png", "wide.png", "map.png", "close.png")
+KEPT = ("first.png", "wide.png", "map.png", "denoised.png", "close.png")
 GAP = 6
 
 
