@@ -147,13 +147,30 @@ def test_picture_inside_a_usdz_package_is_found(tmp_path):
 
 def test_texels_that_are_no_radiance_become_zero_with_a_warning(tmp_path):
     pixels = PIXELS.copy()
-    pixels[0, 0, 1], pixels[1, 2, 0], pixels[3, 7, 2] = np.nan, np.inf, -1
+    pixels[0, 0, 1], pixels[1, 2, 0], pixels[3, 7, 2] = np.nan, -np.inf, -1
     write_exr(tmp_path / "sky.exr", pixels)
     scene = load(dome_with(tmp_path / "sky.exr"))
     expected = PIXELS.copy()
     expected[0, 0] = expected[1, 2] = expected[3, 7] = 0
     np.testing.assert_array_equal(scene.lights[0].picture, expected)
     assert mentions(scene, "/D", "3 texels")
+
+
+def test_a_sun_beyond_half_precision_has_the_largest_finite_value(tmp_path):
+    """Infinite channels alone; with a NaN beside it, or nothing finite, the texel is black."""
+    pixels = PIXELS.copy()
+    pixels[1, 2], pixels[2, 3, 0], pixels[0, 0] = np.inf, np.inf, (np.nan, np.inf, 1)
+    pixels[3, 1, 2] = 40
+    write_exr(tmp_path / "sky.exr", pixels)
+    scene = load(dome_with(tmp_path / "sky.exr"))
+    expected = pixels.copy()
+    expected[1, 2], expected[2, 3, 0], expected[0, 0] = 40, 40, 0
+    np.testing.assert_array_equal(scene.lights[0].picture, expected)
+    assert mentions(scene, "/D", "3 texels of", "are infinite; its largest finite value is used there")
+    assert mentions(scene, "/D", "1 texels of", "negative or not finite")
+    write_exr(tmp_path / "sky.exr", np.full_like(PIXELS, np.inf))
+    scene = load(dome_with(tmp_path / "sky.exr"))
+    assert not scene.lights[0].picture.any()
 
 
 def test_missing_broken_and_odd_pictures_leave_the_plain_color_with_one_warning(tmp_path):

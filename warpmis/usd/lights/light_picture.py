@@ -7,7 +7,13 @@ from typing import Any
 from warpmis.usd.asset_path import read_asset
 from warpmis.usd.color_space import AUTO, space_of
 from warpmis.usd.lights.dome_format import LAYOUTS, as_latlong
-from warpmis.usd.materials.image import Float32Array, PictureError, read_picture, without_invalid_texels
+from warpmis.usd.materials.image import (
+    Float32Array,
+    PictureError,
+    read_picture,
+    without_infinities,
+    without_invalid_texels,
+)
 from warpmis.usd.reading import Reading
 
 
@@ -23,11 +29,14 @@ def read_light_picture(prim: Any, reading: Reading) -> Float32Array | None:
         if not asset.file:
             raise PictureError(f"{asset.path} does not exist")
         space = space_of(attribute, AUTO, reading)
-        pixels, invalid = without_invalid_texels(read_picture(asset.file, space))
+        pixels, infinite = without_infinities(read_picture(asset.file, space))
+        pixels, invalid = without_invalid_texels(pixels)
     except PictureError as error:
         what = "dome" if "Dome" in str(prim.GetTypeName()) else "light"
         reading.warn(path, f"the {what} is rendered in its plain color: {error}")
         return None
+    if infinite:
+        reading.warn(path, f"{infinite} texels of {asset.path} are infinite; its largest finite value is used there")
     if invalid:
         reading.warn(path, f"{invalid} texels of {asset.path} are negative or not finite; 0 is used there")
     return pixels

@@ -91,6 +91,18 @@ def srgb_to_linear(value: Float32Array) -> Float32Array:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
+def without_infinities(pixels: Float32Array) -> tuple[Float32Array, int]:
+    """The picture with its largest finite value in place of +inf, and how many texels had one.
+
+    A sun is brighter than half precision can say, and a black one would light nothing.
+    """
+    infinite = np.isposinf(pixels)
+    if not infinite.any():
+        return pixels, 0
+    largest = np.max(pixels, where=np.isfinite(pixels), initial=np.float32(0.0))
+    return np.where(infinite, largest, pixels).astype(np.float32), int(infinite.any(axis=-1).sum())
+
+
 def without_invalid_texels(pixels: Float32Array) -> tuple[Float32Array, int]:
     """The picture with its texels that are negative or not finite set to 0, and how many there were."""
     invalid = np.asarray(~(np.isfinite(pixels) & (pixels >= 0.0)).all(axis=-1))

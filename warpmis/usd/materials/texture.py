@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from warpmis.scene.texture import FIRST_TILE, Texture
 from warpmis.usd.asset_path import AssetFiles, read_asset
 from warpmis.usd.color_space import AUTO, LINEAR, RAW, SRGB
-from warpmis.usd.materials.image import Picture, PictureError, linear_floats, read_stored
+from warpmis.usd.materials.image import Picture, PictureError, linear_floats, read_stored, without_infinities
 from warpmis.usd.reading import Reading
 
 # Texels are indexed with int32 on the device: a word for each of bytes, and for each float.
@@ -76,7 +76,12 @@ class TextureReader:
         except PictureError as error:
             self.reading.warn(prim_path, f"the texture cannot be read: {error}; its fallback is used")
             return None
-        pixels = picture.pixels
+        pixels, infinite = picture.pixels, 0
+        if pixels.dtype == np.float32:
+            pixels, infinite = without_infinities(pixels)
+        if infinite:
+            note = f"{infinite} texels of {path} are infinite; its largest finite value is used there"
+            self.reading.warn(prim_path, note)
         invalid = ~np.isfinite(pixels).all(axis=-1) if pixels.dtype == np.float32 else np.zeros(1, bool)
         if invalid.any():
             self.reading.warn(prim_path, f"{invalid.sum()} texels of {path} are not finite; they are black")
