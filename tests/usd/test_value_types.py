@@ -213,6 +213,29 @@ def test_a_relationship_to_nowhere_is_a_warning_and_the_rest_is_rendered(name, t
         assert sum(line.startswith(path) for line in scene.warnings) == 1, scene.warnings
 
 
+@pytest.mark.parametrize(
+    "targets",
+    ["[</Nowhere>, </Other>]", "[</Group.collection:nope>, </Other>]", "[</Nowhere.collection:x>, </Other>]"],
+)
+@pytest.mark.parametrize("name", ["material:binding", "material:binding:collection:x"])
+def test_a_binding_of_which_a_part_leads_nowhere_is_one_warning_for_all_that_is_below(name, targets):
+    cubes = 'def Cube "A"\n{\n}\ndef Cube "B"\n{\n}\n'
+    head = '( prepend apiSchemas = ["MaterialBindingAPI"] )'
+    scene = load(f'def Xform "Group" {head}\n{{\nrel {name} = {targets}\n{cubes}}}\ndef Cube "Other"\n{{\n}}\n')
+    assert mentions(scene, f"/Group.{name}: ", "does not exist", "binds no material"), scene.warnings
+    assert len(scene.prims) == 3
+
+
+def test_quaternions_are_no_vectors_of_four():
+    scene = load('def Camera "P"\n{\nquath[] clippingPlanes = [(1, 0, 0, 0)]\n}\ndef Cube "Other"\n{\n}\n')
+    assert mentions(scene, "/P.clippingPlanes", "not of type float4[]")
+    several = load(
+        'def PointInstancer "I"\n{\nint[] protoIndices = [0]\npoint3f[] positions = [(0, 0, 0)]\n'
+        'quatf[] orientations = [(1, 0, 0, 0)]\nrel prototypes = </I/C>\ndef Cube "C"\n{\n}\n}\n'
+    )
+    assert several.warnings == ()  # quath by the schema, of another precision here
+
+
 def test_a_connection_to_nowhere_is_a_warning():
     scene = load(textured("nowhere.png", inputs="float inputs:roughness.connect = </M/Gone.outputs:r>"))
     assert mentions(scene, "/M/S.inputs:roughness", "/M/Gone.outputs:r", "does not exist")

@@ -129,7 +129,14 @@ def is_alike(value: Any, expected: Any) -> bool:
     """Whether a value is of the expected one's type, or numbers of its kind and shape, whatever their precision."""
     if type(value) is type(expected):
         return True
-    return is_array(value) == is_array(expected) and _is_convertible(np.asarray(value), np.asarray(expected))
+    if is_array(value) != is_array(expected) or _is_quaternion(value) != _is_quaternion(expected):
+        return False
+    return _is_convertible(np.asarray(value), np.asarray(expected))
+
+
+def _is_quaternion(value: Any) -> bool:
+    """Whether it is one or an array of them, which look like vectors of four."""
+    return type(value).__name__.startswith("Quat")
 
 
 def is_array(value: Any) -> bool:

@@ -40,6 +40,7 @@ class MaterialReader:
         purposes: of bindings, as Settings.material_purposes.
         materials: material -> its index, in the order of first use.
         equals: material without its path -> the index of the first that is equal to it.
+        searched: paths of prims without a material whose bindings have been looked at.
         read: what the stage's materials were read as, by _key; None for one that is not supported.
     """
 
@@ -48,6 +49,7 @@ class MaterialReader:
     materials: dict[Material, int] = field(default_factory=dict)
     equals: dict[Material, int] = field(default_factory=dict)
     read: dict[Any, BoundMaterial | None] = field(default_factory=dict)
+    searched: set[Any] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.textures = TextureReader(self.reading)
@@ -111,6 +113,7 @@ class MaterialReader:
                 self.reading.warn(prim.GetPath(), f"its bound material {targets} does not exist; {otherwise} is used")
             else:
                 self._warn_of_other_purposes(prim, otherwise)
+                self._warn_of_lost_bindings(prim)
             return None
         key = _key(material, self.reading)
         if key not in self.read:
@@ -141,6 +144,16 @@ class MaterialReader:
             if self._resolved(prim, purpose)[0]:
                 message = f"its material is bound for the purpose {purpose} only, which is not rendered"
                 self.reading.warn(prim.GetPath(), f"{message}; {otherwise} is used")
+
+    def _warn_of_lost_bindings(self, prim: Any) -> None:
+        """Where a prim or one above it has a binding that leads nowhere, each prim once."""
+        while prim and not prim.IsPseudoRoot() and prim.GetPath() not in self.searched:
+            self.searched.add(prim.GetPath())
+            if prim.HasAPI(UsdShade.MaterialBindingAPI):
+                names = [name for name in prim.GetAuthoredPropertyNames() if name.startswith("material:binding")]
+                for relationship in filter(None, map(prim.GetRelationship, names)):
+                    self.reading.targets(relationship, "it binds no material")
+            prim = prim.GetParent()
 
     def _read(self, material: Any) -> BoundMaterial | None:
         """A UsdPreviewSurface, or else MaterialX; None, with a warning, for a material of another shader."""
