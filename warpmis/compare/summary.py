@@ -178,7 +178,7 @@ def _doubts(experiment: Experiment, first: Run) -> list[str]:
     """What makes the numbers less than they look."""
     doubts = []
     if experiment.reference.squared_standard_error is None:
-        unknown = "says nothing of its own noise, which is then part of every error and hides any bias"
+        unknown = "its own noise is not known; it is part of every error and hides any bias"
         doubts.append(f"{experiment.reference.source}: {unknown}")
     elif first.relative_mse < 4.0 * _reference_noise(experiment.reference):
         doubts.append("the reference is hardly better than the longest runs: raise --reference-spp")
@@ -190,7 +190,7 @@ def _doubts(experiment: Experiment, first: Run) -> list[str]:
     worst = max(time["high"] / time["low"] for time in times)
     if worst > BUSY:
         doubts.append(
-            f"the same run took up to {worst:.1f} times as long as before: let the machine rest, or raise --repeats"
+            f"the same run took up to {worst:.1f} times as long as before: stop other programs, or raise --repeats"
         )
     return doubts
 

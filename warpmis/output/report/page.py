@@ -156,7 +156,7 @@ def _sweep(summary: Mapping[str, Any], knob: str, pictures: Sequence[MethodPictu
 def _allocation_map(method: MethodPictures) -> str:
     if method.allocation is None or method.allocation.shape[-1] > 3:
         return ""
-    return _card(method.balance_map(), method, "share of the samples that each strategy was learned to take")
+    return _card(method.balance_map(), method, "learned share of the samples of each strategy")
 
 
 def _efficiency_map(method: MethodPictures) -> str:
@@ -173,7 +173,7 @@ def _card(picture: NDArray[np.uint8], method: MethodPictures, text: str) -> str:
 def _method_notes(summary: Mapping[str, Any]) -> str:
     reference = summary["reference"]
     noise = reference["relative_error"]
-    trust = "its own noise is not known" if noise is None else f"its own noise is {percent(noise)}, taken out of errors"
+    trust = "its own noise is not known" if noise is None else f"its own noise is {percent(noise)}, subtracted from all errors"
     seconds = f" in {seconds_text(reference['seconds'])}" if reference["seconds"] else ""
     lines = [
         f"Reference: {escape(reference['source'])}{seconds}; {trust}.",
