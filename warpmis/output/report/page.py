@@ -173,7 +173,11 @@ def _card(picture: NDArray[np.uint8], method: MethodPictures, text: str) -> str:
 def _method_notes(summary: Mapping[str, Any]) -> str:
     reference = summary["reference"]
     noise = reference["relative_error"]
-    trust = "its own noise is not known" if noise is None else f"its own noise is {percent(noise)}, subtracted from all errors"
+    trust = (
+        "its own noise is not known"
+        if noise is None
+        else f"its own noise is {percent(noise)}, subtracted from all errors"
+    )
     seconds = f" in {seconds_text(reference['seconds'])}" if reference["seconds"] else ""
     lines = [
         f"Reference: {escape(reference['source'])}{seconds}; {trust}.",
