@@ -13,7 +13,7 @@ from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
 from warpmis.learn.allocation import MIXTURE, NEXT_EVENT
 from warpmis.learn.schedule import Round
-from warpmis.rendering import integrator
+from warpmis.rendering import integrator, launches
 from warpmis.scene.features import detect
 
 DEPTH = 4
@@ -133,8 +133,8 @@ def test_map_is_the_same_whatever_the_threads(method: str, monkeypatch: pytest.M
     reference = rendered(method, threads=1, **settings)
     assert np.ptp(reference.allocation) > 0.1
     for threads, launch in ((2, 500), (5, 7)):
-        monkeypatch.setattr(integrator, "CPU_LAUNCH", launch)
-        monkeypatch.setattr(integrator, "CPU_SOLVER_LAUNCH", launch)
+        monkeypatch.setattr(launches, "CPU_LAUNCH", launch)
+        monkeypatch.setattr(launches, "CPU_ROWS", launch)
         again = rendered(method, threads=threads, **settings)
         assert np.array_equal(again.allocation, reference.allocation)
         assert np.array_equal(again.image, reference.image)

@@ -20,7 +20,7 @@ def make_identify(features: Features) -> KernelFunction:
     intersect = make_intersect(features)
     materials = make_material(features)
 
-    def identify(scene: SceneView, camera: CameraView, first_pixel: int, ids: wp.array(dtype=wp.vec3i)):
+    def identify(first_pixel: int, scene: SceneView, camera: CameraView, ids: wp.array(dtype=wp.vec3i)):
         pixel = first_pixel + wp.tid()
         ids[pixel] = wp.vec3i(-1, -1, -1)
         ray = camera_ray(camera, rng.RngKey(), pixel, 0.5, 0.5)

@@ -7,7 +7,6 @@ round does depends on earlier rounds alone. So every round is unbiased given tho
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -25,15 +24,16 @@ from warpmis.device.compilation import Compiler
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes
 from warpmis.device.upload import DeviceScene
-from warpmis.device.views import FilmView, RoundView, vec_lattice
+from warpmis.device.views import FilmView, RoundView
 from warpmis.film.film import Film
 from warpmis.film.metrics import squared_scale, without_outliers
 from warpmis.kernels.cache.lookup import make_locate
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.schedule import Round
-from warpmis.rendering.generating_vector import lattice_length, lattice_steps
+from warpmis.rendering.generating_vector import lattice_length
 from warpmis.rendering.integrator import Integrator, Pass
+from warpmis.rendering.round_view import round_view, set_lattice
 from warpmis.scene.features import Features
 
 # The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
@@ -131,20 +131,14 @@ class GuidedIntegrator(Integrator):
         self.compiler.wait([kernel])
         everyone = wp.empty(0, dtype=wp.uint8, device=self.config.device)
         passes = [Pass(kernel, everyone, 0, self.nothing[0], film, self.nothing[1])]
-        lock = threading.Lock()
-
-        def launch(job: tuple[int, int]) -> None:
-            self._launch(passes, view, *job)
-            with lock:
-                advance(job[1] * part.samples)
-
-        self._run(launch, self._jobs(film.color.shape[0], part.samples))
+        counts = np.full(film.color.shape[0], part.samples)
+        self._trace(passes, view, counts, advance)
 
     def _view(self, part: Round, stride: int) -> RoundView:
-        view = self._round_view(part, range(part.first_sample, part.first_sample + part.samples))
+        samples = range(part.first_sample, part.first_sample + part.samples)
+        view = round_view(self.config, part, samples, stride)
         view.by_cells, view.stride = stride > 1, max(stride, 1)
-        view.lattice_start, view.lattice_length = part.first_sample, lattice_length(part.samples)
-        view.lattice_steps = vec_lattice(*lattice_steps(view.lattice_length))
+        set_lattice(view, part.first_sample, lattice_length(part.samples))
         return view
 
     def _size(self, stride: int) -> tuple[int, int]:
@@ -176,7 +170,7 @@ class GuidedIntegrator(Integrator):
     def _learn(self, training: Training) -> None:
         assert self.records is not None and self.scratch is not None
         self.compiler.wait([self.locate_kernel])
-        self.cache.learn(self.records, self._launch_over)
+        self.cache.learn(self.records, self.launcher.run_over)
         self.records = None
         film = download_film(self.scratch, *self._size(training.stride))
         if training.stride == 1 and training.samples > 2:
@@ -208,12 +202,6 @@ class GuidedIntegrator(Integrator):
             view.vertices, view.first_sample, view.samples = vertices, part.first_sample, part.samples
         self.cache_view = view
         self.scene.view.cache = wp.array([view], dtype=CacheView, device=self.config.device)
-
-    def _launch_over(self, kernel: wp.Kernel, count: int, inputs: list[Any]) -> None:
-        def launch(job: tuple[int, int]) -> None:
-            wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
-
-        self._run(launch, self._stretches(count, max(1, -(-count // self.threads))))
 
     # ---- results ------------------------------------------------------------------------------------------------
 

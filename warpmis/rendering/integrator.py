@@ -1,12 +1,10 @@
-"""The run on the device: the kernels, the buffers that they fill, and the threads that launch them."""
+"""One render in progress on one device: the buffers that the kernels fill, round by round."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -15,36 +13,25 @@ from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import Compiler
-from warpmis.device.cpus import available_cpus
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes, scene_bytes
 from warpmis.device.upload import DeviceScene
-from warpmis.device.views import FilmView, RoundView, vec_lattice
+from warpmis.device.views import FilmView, RoundView
 from warpmis.errors import ConfigError
 from warpmis.film.film import Film, spread_out
 from warpmis.film.metrics import squared_scale
-from warpmis.kernels.identify import make_identify
-from warpmis.kernels.trace import make_trace
 from warpmis.learn.allocation import MIXTURE, NEXT_EVENT, Allocation
 from warpmis.learn.certificate import excess_variance_bound
-from warpmis.learn.learner import Learner
 from warpmis.learn.schedule import Round, schedule
-from warpmis.rendering.generating_vector import lattice_length, lattice_steps
+from warpmis.rendering.generating_vector import lattice_length
+from warpmis.rendering.kernel_choice import identify_of, learner_of, trace_kernels
+from warpmis.rendering.launches import Launcher, Piece
+from warpmis.rendering.round_view import round_view
 from warpmis.scene.features import Features
 
 # What kernels without a mixture take for shares and moments.
 vec1f = wp.types.vector(length=1, dtype=wp.float32)
 vec1d = wp.types.vector(length=1, dtype=wp.float64)
-
-# Pixel samples of one launch: some tens of milliseconds on a CPU thread, so that progress moves and threads share.
-CPU_LAUNCH = 1 << 15
-GPU_LAUNCH = 1 << 24
-# Pixels of one launch of a solver kernel on a CPU thread.
-CPU_SOLVER_LAUNCH = 1 << 13
-# Points of the lattices of a watched render.
-WATCHED_LATTICE = 16
-# Launches of a round shrink towards its end, to as small a part.
-SMALLEST = 16
 
 
 def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
@@ -62,27 +49,6 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
     elif config.learn.initial_allocation is not None:
         shares = np.asarray(config.learn.initial_allocation, dtype=np.float32)
     return np.ascontiguousarray(np.broadcast_to(shares, (height, width, count)).reshape(-1, count))
-
-
-def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
-    stratified = config.strategy_choice == "stratified"
-    lattice = config.sampler == "lattice"
-    return Learner(config.how, features.strategies, size, stratified, config.device, config.learn_stride, lattice)
-
-
-def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:
-    """The kernel that tells ids, where they are asked for: one for all methods and samplers."""
-    return [make_identify(features.with_strategies(()).with_sampler())] if config.ids else []
-
-
-def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
-    """For rounds that learn; for the others; and in these for pixels that have left the mixture.
-
-    Where learning takes no statistics the second is the first, and where no pixel can leave the third is the second.
-    """
-    shared = features.with_strategies(features.strategies)
-    left = features.with_strategies(()) if features.learns_from_pairs else shared
-    return make_trace(features), make_trace(shared), make_trace(left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,16 +85,14 @@ class Integrator:
         self.pixels = self.width * self.height
         self.count = len(features.strategies)
         self.start_allocation = allocation
-        kernels = self.learn_kernel, self.kernel, self.left_kernel = trace_kernels(features)
+        kernels = self.learn_kernel, self.kernel, self.next_event_kernel = trace_kernels(features)
         self.learner = learner_of(features, config, (self.width, self.height))
         self.stride = self.learner.stride
         self.identify = identify_of(features, config)
         self.compiler = compiler or Compiler(config.device)
         if compiler is None:
             self.compiler.wait((*kernels, *self.learner.kernels, *self.identify))
-        self.is_cuda = wp.get_device(config.device).is_cuda
-        self.threads = 1 if self.is_cuda else config.threads or available_cpus()
-        self.pool = ThreadPoolExecutor(self.threads)
+        self.launcher = Launcher(config.device, config.threads)
         self._allocate()
 
     def _allocate(self) -> None:
@@ -152,7 +116,7 @@ class Integrator:
             return [Pass(self.learn_kernel, everyone, 0, self.learned.shares, self.learn_film, self.learner.moments)]
         plain = self.learner.plain_moments
         mixture = Pass(self.kernel, everyone, MIXTURE, self.allocation.shares, self.film, plain)
-        next_event = Pass(self.left_kernel, everyone, NEXT_EVENT, self.nothing[0], self.film, self.nothing[1])
+        next_event = Pass(self.next_event_kernel, everyone, NEXT_EVENT, self.nothing[0], self.film, self.nothing[1])
         is_next_event = self.allocation.is_next_event()
         if not is_next_event.any():
             return [mixture]
@@ -177,7 +141,7 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        view, taken = self._round_view(part, samples), self._taken(part, samples)
+        view, taken = round_view(self.config, part, samples, self.stride), self._taken(part, samples)
         for passes in self._waves(self._passes(part.learn)):
             self.compiler.wait([one.kernel for one in passes])
             counts = taken
@@ -202,83 +166,19 @@ class Integrator:
         """Launch the passes over all pixels, or cells; `counts`: how many of the samples each takes."""
         lock = threading.Lock()
 
-        def launch(job: tuple[int, int]) -> None:
-            self._launch(passes, view, *job)
+        def launch(piece: Piece) -> None:
+            self._launch(passes, view, *piece)
             with lock:
-                advance(int(counts[job[0] : sum(job)].sum()))
+                advance(int(counts[piece[0] : sum(piece)].sum()))
 
-        self._run(launch, self._jobs(len(counts), view.end_sample - view.first_sample))
-
-    def _run(self, launch: Callable[[tuple[int, int]], None], jobs: Iterator[tuple[int, int]]) -> None:
-        """Launch all jobs, (first pixel, pixels) each, from as many threads as the render has."""
-        if self.threads == 1:
-            for job in jobs:
-                launch(job)
-            return
-        # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
-        pending = {self.pool.submit(launch, job) for job in islice(jobs, 2 * self.threads)}
-        try:
-            while pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for future in done:
-                    future.result()
-                pending |= {self.pool.submit(launch, job) for job in islice(jobs, len(done))}
-        finally:
-            # An interrupt's caller reads what the launches write.
-            wait(pending)
-
-    def _jobs(self, pixels: int, samples: int) -> Iterator[tuple[int, int]]:
-        """(first pixel, pixels) of each launch: whole pixels with all their samples, so that each has one thread.
-
-        Among several threads fewer pixels towards the end, so that all have done at once.
-
-        Reference: Polychronopoulos, Kuck (1987), "Guided Self-Scheduling".
-        """
-        most = max(1, (GPU_LAUNCH if self.is_cuda else CPU_LAUNCH) // samples)
-        least = most if self.threads == 1 else max(1, most // SMALLEST)
-        first = 0
-        while first < pixels:
-            left = pixels - first
-            count = min(left, most, max(least, left // (2 * self.threads)))
-            yield first, count
-            first += count
-
-    @staticmethod
-    def _stretches(count: int, most: int) -> Iterator[tuple[int, int]]:
-        for first in range(0, count, most):
-            yield first, min(most, count - first)
-
-    def _lattices(self, part: Round, samples: range) -> tuple[int, int]:
-        """The sample at which the first lattice of a piece of a round begins, and the points of each lattice.
-
-        The error of a watched render is told by how far its pieces are apart: each has lattices of its own. They are of
-        one length, so that the error falls as if samples were independent, and its future can be told.
-        """
-        if self.config.stops:
-            return samples.start, min(WATCHED_LATTICE, len(samples))
-        return part.sequence.start, lattice_length(len(part.sequence))
-
-    def _round_view(self, part: Round, samples: range) -> RoundView:
-        """What all launches of a piece of a round have in common."""
-        view = RoundView()
-        view.first_sample, view.end_sample = samples.start, samples.stop
-        view.seed = self.config.seed
-        view.max_depth = self.config.max_depth
-        view.stratified = self.config.strategy_choice == "stratified"
-        view.lattice_start, view.lattice_length = self._lattices(part, samples)
-        view.lattice_steps = vec_lattice(*lattice_steps(view.lattice_length))
-        view.by_cells = part.learn
-        view.stride = self.stride
-        view.pilot_samples = part.pilot
-        view.direct_only = part.learn and self.config.how.direct_only
-        return view
+        self.launcher.run(launch, self.launcher.pieces(len(counts), view.end_sample - view.first_sample))
 
     def _launch(self, passes: list[Pass], view: RoundView, first: int, count: int) -> None:
         for one in passes:
             inputs = [self.scene.view, self.scene.camera, view, first, one.estimators, one.estimator]
             inputs += [one.allocation, one.film, one.moments]
             wp.launch(one.kernel, dim=count, inputs=inputs, device=self.config.device)
-        if self.is_cuda:
+        if self.launcher.is_cuda:
             wp.synchronize_device(self.config.device)
 
     def ids(self) -> NDArray[np.int32]:
@@ -289,12 +189,7 @@ class Integrator:
         (kernel,) = self.identify
         self.compiler.wait([kernel])
         found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
-
-        def launch(job: tuple[int, int]) -> None:
-            inputs = [self.scene.view, self.scene.camera, job[0], found]
-            wp.launch(kernel, dim=job[1], inputs=inputs, device=self.config.device)
-
-        self._run(launch, self._stretches(self.pixels, GPU_LAUNCH if self.is_cuda else CPU_LAUNCH))
+        self.launcher.run_over(kernel, self.pixels, [self.scene.view, self.scene.camera, found])
         return found.numpy().reshape(self.height, self.width, 3).copy()
 
     def rounds(self) -> Iterator[Round]:
@@ -326,12 +221,7 @@ class Integrator:
         return np.ascontiguousarray(pixels[: self.height, : self.width])
 
     def _launch_solver(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
-        def launch(job: tuple[int, int]) -> None:
-            wp.launch(kernel, dim=job[1], inputs=[job[0], *inputs], device=self.config.device)
-
-        cells = self.learner.cells
-        most = cells if self.is_cuda else CPU_SOLVER_LAUNCH
-        self._run(launch, self._stretches(cells, min(most, -(-cells // self.threads))))
+        self.launcher.run_over(kernel, self.learner.cells, inputs)
 
     def download(self) -> tuple[Film, ...]:
         """The samples of the learn rounds, where there are any, and then all others."""

@@ -86,7 +86,7 @@ class Run:
             "lights": len(self.scene.lights),
             "features": [name for name, on in dataclasses.asdict(self.features).items() if on is True],
             "device": self.config.device,
-            "threads": integrator.threads,
+            "threads": integrator.launcher.threads,
             "compile_seconds": compilation.seconds,
             "kernels_compiled": compilation.compiled,
             "kernels_cached": compilation.cached,

@@ -12,7 +12,7 @@ from warpmis.device.compilation import Compilation, Compiler
 from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import check_device
 from warpmis.rendering.guided import guided_kernels
-from warpmis.rendering.integrator import identify_of, learner_of, trace_kernels
+from warpmis.rendering.kernel_choice import identify_of, learner_of, trace_kernels
 from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.scene import Scene
 from warpmis.scene.features import Features, detect

@@ -14,7 +14,7 @@ from warpmis.device.upload import upload
 from warpmis.learn.allocation import MIXTURE, NEXT_EVENT
 from warpmis.learn.schedule import Round
 from warpmis.methods import METHODS
-from warpmis.rendering import integrator
+from warpmis.rendering import integrator, launches
 from warpmis.rendering.specialise import features_of, kernels_of
 from warpmis.scene.features import Features, detect
 
@@ -28,8 +28,8 @@ def pictures(result: warpmis.RenderResult) -> list[np.ndarray]:
 
 def test_image_is_equal_bit_for_bit_for_any_threads_and_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     reference = warpmis.render(scenes.room(), threads=1, **SETTINGS)
-    for threads, launch in ((2, integrator.CPU_LAUNCH), (3, 500), (7, 1)):
-        monkeypatch.setattr(integrator, "CPU_LAUNCH", launch)
+    for threads, launch in ((2, launches.CPU_LAUNCH), (3, 500), (7, 1)):
+        monkeypatch.setattr(launches, "CPU_LAUNCH", launch)
         again = warpmis.render(scenes.room(), threads=threads, **SETTINGS)
         for mine, theirs in zip(pictures(again), pictures(reference), strict=True):
             assert np.array_equal(mine, theirs)
