@@ -20,10 +20,18 @@ Arguments = ParamSpec("Arguments")
 # A kernel's body: a function in Warp's dialect, not yet a kernel.
 KernelFunction = Callable[..., None]
 
+# Warp's own default. We set it for our kernels, so that a caller's `warp.config.cpu_compiler_flags` neither slows them
+# down nor compiles them anew.
+CPU_COMPILER_FLAGS = (
+    "-march=native -mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"
+    " -mllvm=-slp-recursion-max-depth=4"
+)
+
 
 def device_kernel(function: KernelFunction, name: str | None = None) -> wp.Kernel:
     """The function as a kernel in a module of its own, without the derivatives that nobody asks for."""
-    return wp.kernel(function, name=name, module="unique", enable_backward=False)
+    options = {"cpu_compiler_flags": CPU_COMPILER_FLAGS}
+    return wp.kernel(function, name=name, module="unique", enable_backward=False, module_options=options)
 
 
 def kernel_factory(make: Callable[Arguments, KernelFunction]) -> Callable[Arguments, wp.Kernel]:

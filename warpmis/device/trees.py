@@ -32,16 +32,21 @@ class Trees:
     owned: tuple[Any, ...]
 
 
+def tree_of(device: str) -> str:
+    """Features.tree for a device, by its name alone: kernels are also compiled for devices that this machine lacks."""
+    return "wide" if device == "cpu" else "warp"
+
+
 def tree_kernels(device: str) -> list[wp.Kernel]:
     """What `upload_trees` launches."""
-    return [open_nodes] if wp.get_device(device).is_cpu else []
+    return [open_nodes] if tree_of(device) == "wide" else []
 
 
 def upload_trees(
     points: NDArray[np.float32], triangles: NDArray[np.int32], first: Sequence[int], reaches: Sequence[float]
 ) -> Trees:
     """Trees on the present device, with the arguments of mesh.watertight_meshes."""
-    if wp.get_device().is_cpu:
+    if tree_of(str(wp.get_device())) == "wide":
         tree, roots = wide_trees(points, triangles, first, reaches)
         arrays = tuple(getattr(tree, name) for name in ("bounds", "children", "corners", "faces"))
         return Trees("root", roots, {"tree": tree, "points": wp.array(points, dtype=wp.vec3)}, arrays)

@@ -9,7 +9,7 @@ import warp as wp
 
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import Compilation, Compiler
-from warpmis.device.trees import tree_kernels
+from warpmis.device.trees import tree_kernels, tree_of
 from warpmis.device.upload import check_device
 from warpmis.rendering.guided import guided_kernels
 from warpmis.rendering.kernel_choice import identify_of, learner_of, trace_kernels
@@ -23,7 +23,7 @@ def features_of(scene: Scene, config: RenderConfig, features: Features | None = 
     strategies = config.strategies if config.method != "nee" and not config.how.cache else ()
     features = features or detect(scene).with_depth(config.max_depth)
     features = features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
-    return features.with_tree("wide" if config.device == "cpu" else "warp")
+    return features.with_tree(tree_of(config.device))
 
 
 @dataclass(frozen=True)

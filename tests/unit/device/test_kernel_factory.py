@@ -13,7 +13,7 @@ import pytest
 import warp as wp
 
 import warpmis
-from warpmis.device.kernel_factory import KernelFunction, kernel_factory
+from warpmis.device.kernel_factory import CPU_COMPILER_FLAGS, KernelFunction, kernel_factory
 from warpmis.kernels.moments import Layout
 from warpmis.methods import METHODS
 from warpmis.scene.features import Features
@@ -62,6 +62,15 @@ def test_equal_arguments_give_one_kernel_however_they_are_given() -> None:
     names = ("heavy",)
     assert make_weigh(names) is make_weigh(names=names) is make_weigh(names, offset=0.0)
     assert make_weigh(names, 1.0) is not make_weigh(names)
+
+
+def test_a_caller_s_compiler_flags_are_not_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is compiled otherwise, nor anew."""
+    before = make_weigh(("caller",))
+    monkeypatch.setattr(wp.config, "cpu_compiler_flags", "-march=native")
+    after = make_weigh(("light", "caller"))
+    options = [kernel.module.resolve_options(wp.config)["cpu_compiler_flags"] for kernel in (before, after)]
+    assert options == [CPU_COMPILER_FLAGS] * 2
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
