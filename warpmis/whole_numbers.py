@@ -29,6 +29,7 @@ class Range:
 
 RANGES = {
     "width": Range("image width", 1, MAX_PIXELS),
+    "height": Range("image height", 1, MAX_PIXELS),
     "spp": Range("samples per pixel (spp)", 1, MAX_SPP),
     "max_depth": Range("max depth", 0, 1_000_000),
     "seed": Range("seed", 0, 2**32 - 1),

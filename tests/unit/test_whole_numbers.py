@@ -21,6 +21,7 @@ from warpmis.whole_numbers import MAX_PIXELS, RANGES
 # How each setting of RANGES is set, by whom.
 SETTERS: dict[str, tuple[Any, str]] = {
     "width": (RenderConfig, "width"),
+    "height": (lambda height: warpmis.load_stage("none.usda", height=height), ""),
     "spp": (lambda spp: RenderConfig(method="nee", spp=spp), "spp"),
     "max_depth": (RenderConfig, "max_depth"),
     "seed": (RenderConfig, "seed"),
@@ -70,7 +71,7 @@ def test_a_setting_is_taken_or_refused_in_a_sentence(setting: str, value: Any) -
         assert known.name in text and f"from {known.low} to {known.high}" in text and "\n" not in text
         assert len(text) < 200
         assert not (is_whole and known.low <= value <= known.high)
-    except warpmis.StageError:  # shutter samples that are right, of a stage that is not there
+    except warpmis.StageError:  # what is right is asked of a stage that is not there
         assert is_whole and known.low <= value <= known.high
     else:
         assert is_whole and known.low <= value <= known.high

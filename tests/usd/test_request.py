@@ -14,6 +14,7 @@ from usd.stages import load, stage_of
 import warpmis
 from warpmis.cli import main
 from warpmis.errors import ConfigError, StageError
+from warpmis.output.exr import read_exr
 from warpmis.scene import Scene
 from warpmis.usd import load_stage
 
@@ -120,6 +121,36 @@ def test_without_depth_of_field_and_motion_blur() -> None:
     assert load(ROOM % "", width=36, pixel_aspect_ratio=2.0).resolution == (36, 48)
 
 
+@pytest.mark.parametrize(
+    ("asked", "resolution"),
+    [
+        ({}, (64, 32)),
+        ({"width": 36}, (36, 24)),
+        ({"height": 24}, (36, 24)),
+        ({"height": 1}, (1, 1)),
+        ({"width": 36, "height": 36}, (36, 36)),
+        ({"height": 24, "pixel_aspect_ratio": 2.0}, (18, 24)),
+    ],
+)
+def test_size_of_the_picture(asked: dict[str, Any], resolution: tuple[int, int]) -> None:
+    """The aperture is 36:24. Of a square picture the window is widened by the policy, expandAperture."""
+    scene = load(ROOM % "", **asked)
+    assert scene.resolution == resolution
+    if resolution == (36, 36):
+        left, right, bottom, top = scene.camera.window
+        assert (right - left, top - bottom) == pytest.approx((0.72, 0.72))
+
+
+def test_a_picture_of_a_height(tmp_path: Path) -> None:
+    (tmp_path / "room.usda").write_text("#usda 1.0\n" + ROOM % "")
+    result = warpmis.render(tmp_path / "room.usda", height=4, spp=1, method="nee")
+    assert result.image.shape == (4, 6, 3)
+    out = tmp_path / "out.exr"
+    options = "--image-width 5 --imageHeight 7 --spp 1 --method nee --quiet".split()
+    assert main(["render", str(tmp_path / "room.usda"), str(out), *options]) == 0
+    assert read_exr(out)[0]["R"].shape == (7, 5)
+
+
 def test_the_command_line_has_the_same_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`inspect` shows the camera that each makes; a value of argparse and one of Python end at one place."""
     (tmp_path / "room.usda").write_text("#usda 1.0\n" + ROOM % "")
@@ -146,6 +177,7 @@ def test_the_command_line_has_the_same_options(tmp_path: Path, capsys: pytest.Ca
         ({"time": "3"}, "time must be a finite number, a time code such as 12, got '3'"),
         ({"time": float("nan")}, "time must be a finite number"),
         ({"time": True}, "time must be a finite number"),
+        ({"height": 0}, "image height must be from 1 to"),
         ({"width": "640"}, "image width must be a whole number from 1 to"),
         ({"purposes": "render"}, "purposes must be a list of texts, such as ['render'], not one text"),
         ({"purposes": ("magic",)}, "unknown purpose 'magic'; choose from default, guide, proxy, render"),

@@ -111,7 +111,8 @@ def run(arguments: argparse.Namespace) -> None:
     start_warp()
     from warpmis.compare.measure import Settings, run_experiment
 
-    width = DEFAULT_WIDTH if arguments.image_width is None else arguments.image_width
+    sized = arguments.image_width is not None or arguments.image_height is not None
+    width = arguments.image_width if sized else DEFAULT_WIDTH
     asked = Settings(**settings)
     with progress_bar(quiet=arguments.quiet) as show:
         scene = warpmis.load_stage(arguments.stage, width=width, **stage_options(arguments))

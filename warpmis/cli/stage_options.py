@@ -34,6 +34,10 @@ def add_stage_options(parser: argparse.ArgumentParser) -> Any:
         help="width of the image; the height follows",
     )
     group.add_argument(
+        "--image-height", "--imageHeight", type=whole_number, metavar="PIXELS",
+        help="height of the image; the width follows, if it is not given",
+    )  # fmt: skip
+    group.add_argument(
         "--purposes",
         type=purpose_list,
         metavar="A,B",
@@ -99,6 +103,7 @@ def stage_options(arguments: argparse.Namespace) -> dict[str, Any]:
         variants=arguments.variant,
         mask=arguments.mask,
         session_layer=arguments.session_layer,
+        height=arguments.image_height,
         time=arguments.time,
         disable_depth_of_field=arguments.disable_depth_of_field,
         disable_motion_blur=arguments.disable_motion_blur,

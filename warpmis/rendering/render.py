@@ -41,6 +41,7 @@ def render(
     variants: Sequence[str] | None = None,
     mask: Sequence[str] | None = None,
     session_layer: str | os.PathLike[str] | None = None,
+    height: int | None = None,
     disable_depth_of_field: bool | None = None,
     disable_motion_blur: bool | None = None,
     pixel_aspect_ratio: float | None = None,
@@ -120,7 +121,7 @@ def render(
     )  # fmt: skip
     options = _given(
         camera=camera, time=time, purposes=purposes, render_settings=render_settings, product=product,
-        complexity=complexity, variants=variants, mask=mask, session_layer=session_layer,
+        complexity=complexity, variants=variants, mask=mask, session_layer=session_layer, height=height,
         disable_depth_of_field=disable_depth_of_field, disable_motion_blur=disable_motion_blur,
         pixel_aspect_ratio=pixel_aspect_ratio, aspect_ratio_conform_policy=aspect_ratio_conform_policy,
         data_window_ndc=data_window_ndc, material_binding_purposes=material_binding_purposes,

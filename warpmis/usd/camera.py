@@ -98,12 +98,17 @@ def cropped(camera: Camera, resolution: tuple[int, int], settings: Settings) -> 
 
 
 def picture_resolution(gf_camera: Any, settings: Settings, width: int | None) -> tuple[int, int]:
-    """(width, height) [pixel]: height from the aperture's aspect where `width` is given or nothing is authored."""
-    if width is None and settings.resolution is not None:
+    """(width, height) [pixel]: as asked, the missing one from the aperture's aspect; else as authored."""
+    height = settings.height
+    if width is None and height is None and settings.resolution is not None:
         return settings.resolution
-    columns = DEFAULT_WIDTH if width is None else width
-    rows = columns * settings.pixel_aspect_ratio * gf_camera.verticalAperture / gf_camera.horizontalAperture
-    return columns, max(1, math.floor(rows + HEIGHT_TOLERANCE))
+    rows_per_column = settings.pixel_aspect_ratio * gf_camera.verticalAperture / gf_camera.horizontalAperture
+    if height is None:
+        columns = DEFAULT_WIDTH if width is None else width
+        return columns, max(1, math.floor(columns * rows_per_column + HEIGHT_TOLERANCE))
+    if width is None:
+        return max(1, math.floor(height / rows_per_column + HEIGHT_TOLERANCE)), height
+    return width, height
 
 
 def fitted_camera(path: str, gf_camera: Any, resolution: tuple[int, int], settings: Settings) -> Camera:

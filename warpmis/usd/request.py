@@ -30,6 +30,7 @@ class Request:
     camera: str | None = None
     time: float | None = None
     width: int | None = None
+    height: int | None = None
     purposes: Sequence[str] | None = None
     render_settings: str | None = None
     product: str | None = None
@@ -49,8 +50,9 @@ class Request:
             _check_text(name, getattr(self, name))
         for name in ("variants", "mask", "purposes", "material_binding_purposes"):
             _check_texts(name, getattr(self, name))
-        if self.width is not None:
-            object.__setattr__(self, "width", checked_integer("width", self.width))
+        for name in ("width", "height"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, checked_integer(name, getattr(self, name)))
         if self.time is not None and not _is_finite(self.time):
             raise ConfigError(f"time must be a finite number, a time code such as 12, got {self.time!r}")
         if self.session_layer is not None and not isinstance(self.session_layer, str | os.PathLike):
@@ -80,6 +82,7 @@ class Request:
     def over(self, settings: Settings) -> Settings:
         """The stage's settings with what was asked for in their place."""
         asked: dict[str, Any] = {
+            "height": self.height,
             "disable_depth_of_field": self.disable_depth_of_field,
             "disable_motion_blur": self.disable_motion_blur,
             "pixel_aspect_ratio": self.pixel_aspect_ratio,

@@ -31,6 +31,7 @@ class Settings:
     Attributes:
         path: the prim's, "" for a stage without one.
         resolution: (width, height) [pixel], or None.
+        height: the image height that the caller asks for [pixel], or None.
         camera: path of the camera, or None.
         pixel_aspect_ratio: width over height of a pixel.
         conform_policy: UsdRender's aspectRatioConformPolicy.
@@ -44,6 +45,7 @@ class Settings:
 
     path: str = ""
     resolution: tuple[int, int] | None = None
+    height: int | None = None
     camera: str | None = None
     pixel_aspect_ratio: float = 1.0
     conform_policy: str = "expandAperture"

@@ -54,6 +54,7 @@ def load_stage(
     camera: str | None = None,
     time: float | None = None,
     width: int | None = None,
+    height: int | None = None,
     purposes: Sequence[str] | None = None,
     render_settings: str | None = None,
     product: str | None = None,
@@ -79,8 +80,8 @@ def load_stage(
             RenderSettings', else `main_cam`, else the stage's first, else the view that Omniverse Kit saved, else one
             that frames the geometry.
         time: time code; None takes the stage's startTimeCode, or 0 where it is not authored, as in usdrecord.
-        width: image width [pixel]; the height follows from the camera's aperture. None takes the RenderSettings'
-            resolution, or 960.
+        width, height: image size [pixel]. If you give one, the other follows from the camera's aperture; None for both
+            takes the RenderSettings' resolution, or a width of 960.
         purposes: purposes to render besides "default", from "render", "proxy" and "guide"; None takes the
             RenderSettings', or "render".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
@@ -105,8 +106,8 @@ def load_stage(
         ConfigError: an argument is of a wrong type or out of its range.
     """
     request = Request(
-        camera=camera, time=time, width=width, purposes=purposes, render_settings=render_settings, product=product,
-        complexity=complexity, variants=variants, mask=mask, session_layer=session_layer,
+        camera=camera, time=time, width=width, height=height, purposes=purposes, render_settings=render_settings,
+        product=product, complexity=complexity, variants=variants, mask=mask, session_layer=session_layer,
         disable_depth_of_field=disable_depth_of_field, disable_motion_blur=disable_motion_blur,
         pixel_aspect_ratio=pixel_aspect_ratio, aspect_ratio_conform_policy=aspect_ratio_conform_policy,
         data_window_ndc=data_window_ndc, material_binding_purposes=material_binding_purposes,
