@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import threading
 import time
@@ -125,8 +126,9 @@ class Compiler:
             load.future.cancel()
 
     def outcome(self) -> Compilation:
-        """What has become of those begun and not cancelled, and how long the run waited."""
-        ready = [load.future for load in self.loads.values() if load.future.done() and not load.future.cancelled()]
+        """What has become of those begun, but for what failed and nobody waited for; and how long the run waited."""
+        done = [load.future for load in self.loads.values() if load.future.done() and not load.future.cancelled()]
+        ready = [future for future in done if future.exception() is None]
         compiled = sum(future.result() for future in ready)
         return Compilation(compiled, len(ready) - compiled, self.seconds)
 
@@ -154,6 +156,16 @@ _in_flight: dict[tuple[wp.Module, str], Load] = {}
 def _threads() -> ThreadPoolExecutor:
     """For the process, as each has read Warp's headers once it has compiled something."""
     return ThreadPoolExecutor(min(COMPILERS, available_cpus()), "compile")
+
+
+def _forget_threads() -> None:
+    """A forked process has none of its parent's threads."""
+    _in_flight.clear()
+    _threads.cache_clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_threads)
 
 
 def is_compiling() -> bool:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 import threading
+import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -122,6 +126,44 @@ def test_the_mixture_s_kernel_is_compiled_only_where_a_pixel_needs_it(monkeypatc
     render(target_error=0.5)
     begun.clear()
     render(time_limit=60.0)
+
+
+def test_a_kernel_that_fails_and_is_not_needed_costs_nothing(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    needed, broken = kernel_of(11.0), kernel_of(12.0)
+    make_ready = compilation._make_ready
+
+    def failing(kernel: wp.Kernel, device: str, is_cpu: bool) -> bool:
+        if kernel is broken:
+            raise WarpmisError("no room")
+        return make_ready(kernel, device, is_cpu)
+
+    monkeypatch.setattr(compilation, "_make_ready", failing)
+    compiler = Compiler("cpu")
+    compiler.begin([broken, needed])
+    compiler.wait([needed])
+    assert filled(needed) == 11.0
+    assert compiler.outcome().compiled == 1
+    with pytest.raises(WarpmisError, match="no room"):
+        compiler.wait([broken])
+
+
+def test_a_forked_process_has_compiling_threads_of_its_own(cache: Path) -> None:
+    load_kernels([kernel_of(13.0)], "cpu")  # the parent's threads are there
+    later = kernel_of(14.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Python 3.12 warns of forks among threads
+        child = os.fork()
+    if child == 0:
+        os._exit(0 if load_kernels([later], "cpu").compiled == 1 else 1)
+    for _ in range(300):
+        finished, status = os.waitpid(child, os.WNOHANG)
+        if finished:
+            break
+        time.sleep(0.1)
+    else:
+        os.kill(child, signal.SIGKILL)
+        pytest.fail("the child waits for its parent's threads")
+    assert os.waitstatus_to_exitcode(status) == 0
 
 
 # ---- the folder of kernels ------------------------------------------------------------------------------------------
