@@ -42,7 +42,7 @@ DETECTABLE_BIAS = 0.011
 EVERY = Features.all()
 surface = make_surface(EVERY)
 intersect = make_intersect(EVERY)
-events = make_events(EVERY, intersect.passed)
+events = make_events(EVERY, intersect.transparency)
 
 SAMPLE = 0
 EVALUATE = 1

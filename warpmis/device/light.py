@@ -16,6 +16,7 @@ from warpmis.device.views import (
     DISTANT,
     DOME,
     MESH,
+    NO_LIGHT,
     RECT,
     SPHERE,
     DeltaLightView,
@@ -45,7 +46,7 @@ class LightTables:
 
     Attributes:
         lights, delta_lights: records; the lights at a distance come first, then those at infinity.
-        triangle_light: per triangle the mesh light that it belongs to, or -1, shape (F,) int32.
+        triangle_light: per triangle the mesh light that it belongs to, or NO_LIGHT, shape (F,) int32.
         emitter_triangles, emitter_cdf: the mesh lights' triangles, one light after the other, with the cumulative
             share of the light's area.
         environment: all domes as one, or None.
@@ -63,7 +64,7 @@ class LightTables:
 
 def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""
-    tables = LightTables(triangle_light=np.full(len(geometry.triangles), -1, dtype=np.int32))
+    tables = LightTables(triangle_light=np.full(len(geometry.triangles), NO_LIGHT, dtype=np.int32))
     domes = [light for light in scene.lights if isinstance(light, DomeLight)]
     delta = [light for light in scene.lights if is_delta(light)]
     tables.delta_lights += [delta_record(light) for light in delta]
@@ -148,7 +149,7 @@ def flat_record(light: RectLight | DiskLight) -> LightView:
     corner = max(np.linalg.norm(light.half_u + light.half_v), np.linalg.norm(light.half_u - light.half_v))
     view.bound = float(corner if rect else np.hypot(half_x, half_y))
     view.area = (4.0 if rect else np.pi) * length
-    view.solid_angle_sampling = int(rect and abs(light.half_u @ light.half_v) < 1e-6 * half_x * half_y)
+    view.samples_solid_angle = bool(rect and abs(light.half_u @ light.half_v) < 1e-6 * half_x * half_y)
     return view
 
 
@@ -189,7 +190,7 @@ def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> No
         view.bound = float(np.sqrt(((points - center) ** 2).sum(axis=1).max()))
         view.area = float(areas[group].sum())
         view.first, view.count = int(first), len(group)
-        view.two_sided = int(scene.prims[geometry.prims[triangle]].double_sided)
+        view.two_sided = bool(scene.prims[geometry.prims[triangle]].double_sided)
         tables.triangle_light[shining[group]] = len(tables.lights)
         tables.lights.append(view)
         tables.controls.append(control)

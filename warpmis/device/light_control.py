@@ -1,4 +1,4 @@
-"""What is asked of a light, as the record that kernels read."""
+"""A light's controls, as the struct that kernels read."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def control_view(control: LightControl) -> ControlView:
     view.tint = (1.0, 1.0, 1.0) if control.tint is None else tuple(control.tint)
     view.diffuse, view.specular = control.diffuse, control.specular
     if control.illuminates is not None:
-        view.reaches = wp.array(control.illuminates.astype(np.int32), dtype=int)
+        view.illuminates = wp.array(control.illuminates.astype(np.int32), dtype=int)
     if control.shadow_casters is not None:
-        view.shadowed_by = wp.array(control.shadow_casters.astype(np.int32), dtype=int)
+        view.shadow_casters = wp.array(control.shadow_casters.astype(np.int32), dtype=int)
     return view
 
 

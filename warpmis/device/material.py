@@ -16,11 +16,13 @@ from warpmis.device.views import (
     CLAMP,
     COAT,
     COAT_ROUGHNESS,
+    CONSTANT,
     DIFFUSE,
     EMISSIVE,
     FLOATS,
     METALLIC,
     MIRRORED,
+    NO_TILE,
     NORMAL,
     OPACITY,
     REPEAT,
@@ -77,16 +79,15 @@ class MaterialTables:
 
     def add(self, material: Material) -> None:
         """Two records a material: for a surface that emits from its front alone, and for a double-sided one."""
-        row = -1
+        row = CONSTANT
         if material.lookups:
             row = len(self.inputs)
             self.inputs.append(self._inputs(material))
-        self.materials += [material_view(material.mean, side, row) for side in (0, 1)]
+        self.materials += [material_view(material.mean, side, row) for side in (False, True)]
 
     def _inputs(self, material: Material) -> InputsView:
         view = InputsView()
         view.first_lookup = len(self.lookups)
-        view.normal_lookup = -1
         lookups = material.lookups
         groups: dict[Any, list[str]] = {}
         for name, (attribute, _) in INPUTS.items():
@@ -100,10 +101,10 @@ class MaterialTables:
                 if name == "normal":
                     view.normal_lookup = len(self.lookups)
                 self.lookups.append(self._lookup(lookups[name], INPUTS[name][1]))
-                self.lookups[-1].repeats = int(name != names[0])
+                self.lookups[-1].reuses_footprint = name != names[0]
         view.lookup_count = len(self.lookups) - view.first_lookup
         view.opacity_threshold = material.opacity_threshold
-        view.use_specular_workflow = int(material.use_specular_workflow)
+        view.use_specular_workflow = material.use_specular_workflow
         return view
 
     def _stack(self, textures: list[Texture]) -> None:
@@ -128,7 +129,7 @@ class MaterialTables:
         view = LookupView()
         view.input = number
         view.column = lookup.column
-        view.tile = -1
+        view.tile = NO_TILE
         view.channel = RGB if number in (DIFFUSE, EMISSIVE, SPECULAR, NORMAL) else 0
         if not isinstance(lookup, PrimvarLookup):
             view.tile, view.udim_rows = self._tiles(lookup.texture)
@@ -237,7 +238,7 @@ def upload_materials(
     return varying
 
 
-def material_view(material: Any, double_sided: int, inputs: int) -> MaterialView:
+def material_view(material: Any, double_sided: bool, inputs: int) -> MaterialView:
     """Resolve the workflow of a Material of constant inputs, as kernels/material.py does of others.
 
     Reference: UsdPreviewSurface specification, "Specular and metallic workflows".
@@ -253,13 +254,13 @@ def material_view(material: Any, double_sided: int, inputs: int) -> MaterialView
             f0 = reflectance * (1.0 - material.metallic) + diffuse * material.metallic
             diffuse = diffuse * (1.0 - material.metallic)
         view.coat = material.clearcoat
-    view.has_specular = int(not material.lambertian)
+    view.has_specular = not material.lambertian
     view.diffuse, view.specular_f0, view.emission = tuple(diffuse), tuple(f0), material.mean_emission
     # Alpha 0 would divide by 0; below features.SMOOTH_ALPHA a lobe is a mirror whatever its alpha.
     view.alpha = max(material.roughness**2, 1e-6)
     view.coat_f0, view.coat_alpha = reflectance, max(material.clearcoat_roughness**2, 1e-6)
     view.opacity = material.opacity
-    view.presence = int(material.lambertian or material.opacity_mode == "presence")
+    view.opacity_is_presence = material.lambertian or material.opacity_mode == "presence"
     view.double_sided = double_sided
     view.inputs = inputs
     return view

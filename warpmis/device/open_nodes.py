@@ -21,13 +21,17 @@ bin_costs = wp.types.vector(length=BINS, dtype=wp.float32)
 bin_corners = wp.types.matrix(shape=(BINS, 3), dtype=wp.float32)
 child_corners = wp.types.matrix(shape=(3, WIDTH), dtype=wp.float32)
 
+# In place of a split's axis, and of a node's child.
+NO_SPLIT = wp.constant(-1)
+NO_CHILD = wp.constant(-1)
+
 # No box: outside of every ray's reach.
 NOWHERE = wp.constant(1.0e30)
 
 
 @wp.struct
 class Split:
-    """A plane between bins: those of centres up to `last` along `axis` on the one side; axis -1 where there is none."""
+    """A plane between bins: on one side the centres in bins up to `last` along `axis`, which is NO_SPLIT for none."""
 
     axis: int
     last: int
@@ -83,7 +87,7 @@ def best_split_along(
     high: wp.array(dtype=wp.vec3),
 ) -> Split:
     split = Split()
-    split.axis = -1
+    split.axis = NO_SPLIT
     split.cost = NOWHERE
     extent = centers.high[axis] - centers.low[axis]
     scale = float(BINS) / extent
@@ -148,7 +152,7 @@ def partition(
         split = best_split_along(axis, centers, start, end, order, low, high)
         if split.cost < best.cost:
             best = split
-    if best.axis < 0:  # all centres in one place
+    if best.axis == NO_SPLIT:  # all centres in one place
         return middle
     axis = best.axis
     scale = float(BINS) / (centers.high[axis] - centers.low[axis])
@@ -201,7 +205,7 @@ def open_nodes(
     stops[0] = ranges[node][1]
     children = int(1)
     chosen = int(0)
-    while chosen >= 0:
+    while chosen != NO_CHILD:
         # The chosen child is new, and the last one too.
         for side in range(2):
             k = wp.where(side == 0, chosen, children - 1)
@@ -210,14 +214,14 @@ def open_nodes(
                 lower[axis, k] = box.low[axis]
                 upper[axis, k] = box.high[axis]
             weights[k] = wp.where(halve != 0, float(stops[k] - begins[k]), half_area(box))
-        chosen = int(-1)
+        chosen = int(NO_CHILD)
         if children < WIDTH:
             heaviest = float(-1.0)
             for k in range(children):
                 if stops[k] - begins[k] > WIDTH and weights[k] > heaviest:
                     heaviest = weights[k]
                     chosen = k
-        if chosen >= 0:
+        if chosen != NO_CHILD:
             middle = partition(begins[chosen], stops[chosen], order, low, high, halve)
             begins[children] = middle
             stops[children] = stops[chosen]

@@ -24,6 +24,8 @@ from warpmis.device.trees import upload_trees
 from warpmis.device.views import (
     DISTANT,
     DOME,
+    FLAT,
+    NO_LIGHT,
     CameraView,
     ControlView,
     DeltaLightView,
@@ -183,7 +185,7 @@ def ordered(geometry: Geometry) -> Geometry:
             geometry,
             points=np.full((3, 3), 1e10, dtype=np.float32),
             triangles=np.array([[0, 1, 2]], dtype=np.int32),
-            normal_indices=np.full((1, 3), -1, dtype=np.int32),
+            normal_indices=np.full((1, 3), FLAT, dtype=np.int32),
             materials=np.zeros(1, dtype=np.int32),
             prims=np.zeros(1, dtype=np.int32),
             primvars=np.zeros((1, 3, 0), dtype=np.float32),
@@ -209,7 +211,7 @@ def upload_surfaces(
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
-    light = np.full(len(geometry.triangles), -1, dtype=np.int32)
+    light = np.full(len(geometry.triangles), NO_LIGHT, dtype=np.int32)
     light[: len(tables.triangle_light)] = tables.triangle_light
     front = front_normals(geometry.points, geometry.triangles)
     columns = {"n": front, "normals": geometry.normal_indices, "material": material, "light": light}
@@ -272,7 +274,7 @@ def camera_view(camera: Camera, resolution: tuple[int, int]) -> CameraView:
     view.lens_u = tuple(camera.lens_radius * camera.right_axis)
     view.lens_v = tuple(camera.lens_radius * camera.up_axis)
     view.focus_distance = camera.focus_distance
-    view.orthographic = int(camera.orthographic)
+    view.is_orthographic = camera.orthographic
     view.planes = wp.array(camera.clipping_planes, dtype=wp.vec4)
     view.width, view.height = resolution
     return view

@@ -46,6 +46,11 @@ CLAMP = 1
 REPEAT = 2
 MIRRORED = 3
 
+# In place of rows: of TriangleView.normals, MaterialView.inputs and LookupView.tile.
+FLAT = -1
+CONSTANT = -1
+NO_TILE = -1
+
 # What LookupView.channel means beside 0 to 3 for red, green, blue and alpha.
 RGB = -1
 
@@ -54,7 +59,7 @@ RGB = -1
 class TriangleView:
     """What a hit needs beside the position: one record a triangle.
 
-    n: unit normal of its front, 0 where it has none; normals: rows of SceneView.normals, or -1 for a flat triangle;
+    n: unit normal of its front, 0 where it has none; normals: rows of SceneView.normals, or FLAT thrice;
     light: index of the mesh light that the triangle belongs to, or NO_LIGHT.
     """
 
@@ -68,31 +73,33 @@ class TriangleView:
 class MaterialView:
     """A material with its workflow resolved: what the lobes need, no more.
 
-    specular_f0 is the reflectance at normal incidence (0 with `has_specular` 0: no lobe at all); alpha is
-    roughness squared. normal: of a normal map, along the directions in which s and t grow and the shading normal; 0
-    where there is none. inputs: row of VaryingView.inputs where some input varies over the surface (the fields here
-    are then of the inputs' means), or -1.
+    specular_f0: reflectance at normal incidence, of a lobe that is there where has_specular. alpha: roughness squared.
+    normal: of a normal map, along the directions in which s and t grow and the shading normal; 0 where there is none.
+    opacity_is_presence: opacity cuts all lobes; if not, the specular lobes reflect first, and opacity cuts the rest.
+    inputs: row of VaryingView.inputs, or CONSTANT where no input varies over the surface. Where some do, the fields
+    here are those of the inputs' means.
     """
 
     diffuse: wp.vec3
     specular_f0: wp.vec3
     emission: wp.vec3
     normal: wp.vec3
-    has_specular: int
+    has_specular: bool
     alpha: float
     coat: float
     coat_f0: float
     coat_alpha: float
     opacity: float
-    presence: int
-    double_sided: int
+    opacity_is_presence: bool
+    double_sided: bool
     inputs: int
 
 
 @wp.struct
 class InputsView:
     """UsdPreviewSurface's inputs before its workflow is resolved: a constant each. Those that vary over the surface are
-    given by `lookup_count` rows of VaryingView.lookups from `first_lookup` on; normal_lookup: a row too, or -1."""
+    given by `lookup_count` rows of VaryingView.lookups from `first_lookup` on; normal_lookup: such a row, of a
+    material with a normal map."""
 
     diffuse: wp.vec3
     emissive: wp.vec3
@@ -104,7 +111,7 @@ class InputsView:
     coat_roughness: float
     opacity: float
     opacity_threshold: float
-    use_specular_workflow: int
+    use_specular_workflow: bool
     first_lookup: int
     lookup_count: int
     normal_lookup: int
@@ -112,14 +119,17 @@ class InputsView:
 
 @wp.struct
 class LookupView:
-    """One lookup: of which input (DIFFUSE to NORMAL). column: of VaryingView.primvars, where its texture coordinates
-    begin or, with tile -1, the value itself; row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up;
-    tile: the first of its rows in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0; repeats: 1
-    where it looks at the same place in a picture of the same size as the row before; scale, bias, fallback: of red,
-    green and blue or, thrice, of the one channel."""
+    """One lookup of one input.
+
+    input: DIFFUSE to NORMAL. column: of VaryingView.primvars, where its texture coordinates begin or, with NO_TILE, the
+    value itself. row_s, row_t: the map of (s, t, 1) to the coordinates that are looked up. tile: the first of its rows
+    in VaryingView.tiles, udim_rows * 10 of them, or one where udim_rows is 0. reuses_footprint: it looks at the same
+    place as the row before, in a picture of the same size. scale, bias, fallback: of red, green and blue or, thrice, of
+    the one channel.
+    """
 
     input: int
-    repeats: int
+    reuses_footprint: bool
     column: int
     tile: int
     udim_rows: int
@@ -191,19 +201,19 @@ class LightView:
     one_minus_cos: float
     first: int
     count: int
-    two_sided: int
-    solid_angle_sampling: int
+    two_sided: bool
+    samples_solid_angle: bool
 
 
 @wp.struct
 class ControlView:
-    """What is asked of a light; an array is empty where nothing is.
+    """A light's controls; an array is empty where the stage does not set that control.
 
     to_light turns directions into the light's frame, where it emits along -Z. The cone fades from cone_start to
     cone_end [radian], the angles to that axis. ies_intensity: a row for each horizontal angle, a column for each
     vertical one. picture: of a rect light, with row 0 at +v and column 0 at +u. tint: what surfaces see of the
-    radiance, but not the camera. diffuse, specular: what the lobes see of it. reaches, shadowed_by: 1 for each prim
-    that the light reaches, and that stands in its way.
+    radiance, but not the camera. diffuse, specular: what the lobes see of it. illuminates, shadow_casters: 1 for each
+    prim that the light reaches, and for each that casts its shadow.
     """
 
     to_light: wp.mat33
@@ -219,8 +229,8 @@ class ControlView:
     tint: wp.vec3
     diffuse: float
     specular: float
-    reaches: wp.array(dtype=int)
-    shadowed_by: wp.array(dtype=int)
+    illuminates: wp.array(dtype=int)
+    shadow_casters: wp.array(dtype=int)
 
 
 @wp.struct
@@ -348,7 +358,7 @@ class CameraView:
     lens_u: wp.vec3
     lens_v: wp.vec3
     focus_distance: float
-    orthographic: int
+    is_orthographic: bool
     planes: wp.array(dtype=wp.vec4)
     width: int
     height: int

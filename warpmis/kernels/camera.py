@@ -79,7 +79,7 @@ def make_camera(features: Features) -> wp.Function:
             if camera.focus_distance > 0.0:
                 ray.direction = wp.normalize(point - offset / camera.focus_distance)
         if wp.static(features.orthographic):
-            if camera.orthographic != 0:
+            if camera.is_orthographic:
                 ray.origin = camera.position + point
                 ray.direction = camera.forward
         if wp.static(features.clipping):

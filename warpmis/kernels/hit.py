@@ -1,4 +1,4 @@
-"""The closest surface along a ray, among the triangles that stand in world space."""
+"""The closest surface along a ray, among the triangles in world space."""
 
 from types import SimpleNamespace
 
@@ -7,7 +7,7 @@ import warp as wp
 from warpmis.device.views import SceneView
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.shading_frame import max_abs
-from warpmis.kernels.wide_tree import Nearest, is_met_in_tree, nearest_in_tree
+from warpmis.kernels.wide_tree import NO_FACE, TriangleHit, any_in_tree, closest_in_tree
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
@@ -22,19 +22,23 @@ OFFSET = wp.constant(5.0e-7)
 INSET = wp.constant(8.0)
 MAX_INSET = wp.constant(0.125)
 
+# In place of a row of SceneView.instances.
+NO_INSTANCE = wp.constant(-1)
+
 
 @wp.struct
 class Hit:
     """The closest surface: distance INFINITE_DISTANCE where there is none.
 
-    triangle: row of SceneView.triangles; instance: row of SceneView.instances, or -1 for a triangle in world space. ng
-    is the unit geometric normal on the side of the ray's origin, `outside` (1 or 0) whether that is the front.
+    triangle: row of SceneView.triangles; instance: row of SceneView.instances, or NO_INSTANCE for a triangle in world
+    space. ng: unit geometric normal on the side of the ray's origin; is_front: whether that is the triangle's front.
+    offset: how far off the surface a ray starts. u, v: weights of the first two corners.
     """
 
     distance: float
     triangle: int
     instance: int
-    outside: int
+    is_front: bool
     p: wp.vec3
     ng: wp.vec3
     offset: float
@@ -61,22 +65,22 @@ def inset_of(e1: wp.vec3, e2: wp.vec3, offset: float) -> float:
 
 
 @wp.func
-def facing(hit: Hit, ng: wp.vec3, wi: wp.vec3) -> Hit:
+def face_forward(hit: Hit, ng: wp.vec3, wi: wp.vec3) -> Hit:
     """The hit with the normal of its triangle's front, turned to the side of the ray's origin."""
-    hit.outside = 1
+    hit.is_front = True
     if wp.dot(ng, wi) > 0.0:
         ng = -ng
-        hit.outside = 0
+        hit.is_front = False
     hit.ng = ng
     return hit
 
 
 @wp.func
-def nearest_of_mesh(
+def closest_in_mesh(
     scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float
-) -> Nearest:
-    found = Nearest()
-    found.face = -1
+) -> TriangleHit:
+    found = TriangleHit()
+    found.face = NO_FACE
     found.distance = reach
     query = wp.mesh_query_ray(mesh, origin, wi, reach)
     if query.result:
@@ -88,35 +92,35 @@ def nearest_of_mesh(
 
 
 @wp.func
-def mesh_is_met(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
+def any_in_mesh(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
     return wp.mesh_query_ray_anyhit(mesh, origin, wi, reach)
 
 
 @wp.func
-def nearest_of_tree(
+def closest_in_wide_tree(
     scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float
-) -> Nearest:
-    return nearest_in_tree(scene.tree, root, origin, wi, reach)
+) -> TriangleHit:
+    return closest_in_tree(scene.tree, root, origin, wi, reach)
 
 
 @wp.func
-def tree_is_met(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
-    return is_met_in_tree(scene.tree, root, origin, wi, reach)
+def any_in_wide_tree(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
+    return any_in_tree(scene.tree, root, origin, wi, reach)
 
 
 def make_hit(features: Features) -> SimpleNamespace:
-    """Functions for the kind of tree in `features`: nearest and is_met, of one mesh, and closest_hit, of the world."""
+    """Functions for the kind of tree in `features`: closest and any_hit, of one mesh, and closest_hit, of the world."""
     wide = features.tree == "wide"
-    nearest = nearest_of_tree if wide else nearest_of_mesh
-    is_met = tree_is_met if wide else mesh_is_met
+    closest = closest_in_wide_tree if wide else closest_in_mesh
+    any_hit = any_in_wide_tree if wide else any_in_mesh
 
     @wp.func
     def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
         hit = Hit()
         hit.distance = INFINITE_DISTANCE
-        hit.instance = -1
-        found = nearest(scene, scene.mesh, scene.root, origin, wi, INFINITE_DISTANCE)
-        if found.face < 0:
+        hit.instance = NO_INSTANCE
+        found = closest(scene, scene.mesh, scene.root, origin, wi, INFINITE_DISTANCE)
+        if found.face == NO_FACE:
             return hit
         corners = scene.indices[found.face]
         p0 = scene.points[corners[0]]
@@ -128,6 +132,6 @@ def make_hit(features: Features) -> SimpleNamespace:
         hit.v = found.v
         hit.offset = OFFSET * wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
         hit.p = inner_point(p0, p1, p2, found.u, found.v, inset_of(p1 - p0, p2 - p0, hit.offset))
-        return facing(hit, scene.triangles[found.face].n, wi)
+        return face_forward(hit, scene.triangles[found.face].n, wi)
 
-    return SimpleNamespace(nearest=nearest, is_met=is_met, closest_hit=closest_hit)
+    return SimpleNamespace(closest=closest, any_hit=any_hit, closest_hit=closest_hit)

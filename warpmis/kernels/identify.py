@@ -1,4 +1,4 @@
-"""Which prim is seen at a pixel: the ids of the first surface that a ray through the pixel's middle meets."""
+"""The ids of each pixel: those of the first surface that a ray through the pixel's center hits."""
 
 from dataclasses import replace
 
@@ -8,7 +8,8 @@ from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.device.views import CameraView, SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
-from warpmis.kernels.intersect import MAX_PASSED, make_intersect
+from warpmis.kernels.hit import NO_INSTANCE
+from warpmis.kernels.intersect import MAX_TRANSPARENT, make_intersect
 from warpmis.kernels.material import make_material
 from warpmis.scene.features import Features
 
@@ -25,24 +26,24 @@ def make_identify(features: Features) -> KernelFunction:
         ids[pixel] = wp.vec3i(-1, -1, -1)
         ray = camera_ray(camera, rng.RngKey(), pixel, 0.5, 0.5)
         start = ray.origin
-        left = ray.reach
-        for _passed in range(MAX_PASSED):
+        remaining = ray.reach
+        for _surface in range(MAX_TRANSPARENT):
             hit = intersect.closest_hit(scene, start, ray.direction)
-            if hit.distance >= left:
+            if hit.distance >= remaining:
                 return
-            seen = bool(True)
+            is_visible = bool(True)
             if wp.static(features.opacity):
-                seen = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v).opacity > 0.0
-            if seen:
+                is_visible = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v).opacity > 0.0
+            if is_visible:
                 prim = scene.prims[hit.triangle]
                 place = scene.copies[hit.triangle]
                 if wp.static(features.instances):
-                    if hit.instance >= 0:
+                    if hit.instance != NO_INSTANCE:
                         prim = scene.instances[hit.instance].prim
                         place = scene.instances[hit.instance].copy
                 ids[pixel] = wp.vec3i(prim, place, scene.faces[hit.triangle])
                 return
-            left -= hit.distance
+            remaining -= hit.distance
             start = hit.p - hit.ng * hit.offset
 
     return identify

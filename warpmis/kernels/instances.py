@@ -9,15 +9,16 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import InstanceView, SceneView
-from warpmis.kernels.hit import OFFSET, Hit, facing, inner_point, inset_of
+from warpmis.kernels.hit import NO_INSTANCE, OFFSET, Hit, face_forward, inner_point, inset_of
 from warpmis.kernels.shading_frame import max_abs
+from warpmis.kernels.wide_tree import NO_FACE
 
 wp.set_module_options({"enable_backward": False})
 
 
 @wp.struct
 class InstanceHit:
-    """The closest triangle of all instances: instance -1 where there is none. u and v weigh its first two corners."""
+    """The closest triangle of all instances: NO_INSTANCE where there is none. u and v weigh its first two corners."""
 
     distance: float
     instance: int
@@ -27,8 +28,8 @@ class InstanceHit:
 
 
 @wp.func
-def without_zeros(direction: wp.vec3) -> wp.vec3:
-    """The direction for wp.bvh_query_ray, which divides by it: a 0 there would make 0 times infinity."""
+def nonzero(direction: wp.vec3) -> wp.vec3:
+    """The direction with no 0 in it: wp.bvh_query_ray divides by it, and would multiply 0 by infinity."""
     d = direction
     for axis in range(3):
         if d[axis] == 0.0:
@@ -52,20 +53,21 @@ def abs_product(m: wp.mat33, v: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def offset_of(instance: InstanceView, p: wp.vec3, n: wp.vec3, carried: wp.vec3, corner: float) -> float:
-    """How far from a surface of an instance, of which p and the normal n are in the prototype's space, a ray starts.
+def offset_of(instance: InstanceView, p: wp.vec3, n: wp.vec3, n_world: wp.vec3, corner: float) -> float:
+    """How far off a surface of an instance a ray starts: the error of its position by rounding.
 
-    The rounding of the place in the world, as in closest_hit, and along the normal that of the way there and back; the
-    triangle's largest coordinate is `corner`.
+    p and n: position and normal in the prototype's space; n_world: the normal in the world, not of unit length; corner:
+    the triangle's largest coordinate. The error is that of the position in the world, as in closest_hit, and along the
+    normal that of the transforms to the prototype's space and back.
 
     Reference: Pharr, Jakob, Humphreys (2016), "Physically Based Rendering", section 3.9.5.
     """
-    there = abs_product(instance.linear, p)
-    back = abs_product(instance.inverse, there) + wp.vec3(corner, corner, corner)
-    across = wp.abs(n[0]) * back[0] + wp.abs(n[1]) * back[1] + wp.abs(n[2]) * back[2]
-    # A triangle without a normal has none to carry, either.
-    grown = across / wp.max(wp.length(carried), 1.0e-30)
-    return OFFSET * (max_abs(there) + max_abs(instance.translation) + grown)
+    world = abs_product(instance.linear, p)
+    local = abs_product(instance.inverse, world) + wp.vec3(corner, corner, corner)
+    along_n = wp.abs(n[0]) * local[0] + wp.abs(n[1]) * local[1] + wp.abs(n[2]) * local[2]
+    # A triangle without area has no normal.
+    along_n_world = along_n / wp.max(wp.length(n_world), 1.0e-30)
+    return OFFSET * (max_abs(world) + max_abs(instance.translation) + along_n_world)
 
 
 @wp.func
@@ -83,32 +85,32 @@ def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
     p1 = scene.points[corners[1]]
     p2 = scene.points[corners[2]]
     n = scene.triangles[hit.triangle].n
-    carried = normal_to_world(scene, hit.instance, n)
+    n_world = normal_to_world(scene, hit.instance, n)
     corner = wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
     p = inner_point(p0, p1, p2, hit.u, hit.v, 0.0)
-    hit.offset = offset_of(instance, p, n, carried, corner)
-    # The offset is the world's, and so are the edges that it is held against.
+    hit.offset = offset_of(instance, p, n, n_world, corner)
+    # The offset is in the world's units, so the edges are, too.
     inset = inset_of(instance.linear * (p1 - p0), instance.linear * (p2 - p0), hit.offset)
     hit.p = instance.linear * inner_point(p0, p1, p2, hit.u, hit.v, inset) + instance.translation
-    return facing(hit, wp.normalize(carried), wi)
+    return face_forward(hit, wp.normalize(n_world), wi)
 
 
 def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
     """Functions with those of kernels/hit.py: closest_hit_of_all, is_occluded_by_instance."""
 
     @wp.func
-    def nearest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, reach: float) -> InstanceHit:
+    def closest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, reach: float) -> InstanceHit:
         """The closest triangle nearer than `reach`."""
         found = InstanceHit()
-        found.instance = -1
+        found.instance = NO_INSTANCE
         found.distance = reach
-        query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
+        query = wp.bvh_query_ray(scene.instance_bvh, origin, nonzero(wi))
         index = int(0)
         while wp.bvh_query_next(query, index, found.distance):
             instance = scene.instances[index]
             start = instance.inverse * (origin - instance.translation)
-            inside = hits.nearest(scene, instance.mesh, instance.root, start, instance.inverse * wi, found.distance)
-            if inside.face >= 0:
+            inside = hits.closest(scene, instance.mesh, instance.root, start, instance.inverse * wi, found.distance)
+            if inside.face != NO_FACE:
                 found.distance = inside.distance
                 found.instance = index
                 found.face = inside.face
@@ -120,12 +122,12 @@ def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
     def is_occluded_by_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> bool:
         if scene.instance_count == 0:
             return False
-        query = wp.bvh_query_ray(scene.instance_bvh, origin, without_zeros(wi))
+        query = wp.bvh_query_ray(scene.instance_bvh, origin, nonzero(wi))
         index = int(0)
         while wp.bvh_query_next(query, index, distance):
             instance = scene.instances[index]
             start = instance.inverse * (origin - instance.translation)
-            if hits.is_met(scene, instance.mesh, instance.root, start, instance.inverse * wi, distance):
+            if hits.any_hit(scene, instance.mesh, instance.root, start, instance.inverse * wi, distance):
                 return True
         return False
 
@@ -134,8 +136,8 @@ def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
         """The closest surface, in world space or of an instance."""
         hit = hits.closest_hit(scene, origin, wi)
         if scene.instance_count > 0:
-            found = nearest_instance(scene, origin, wi, hit.distance)
-            if found.instance >= 0:
+            found = closest_instance(scene, origin, wi, hit.distance)
+            if found.instance != NO_INSTANCE:
                 return instance_surface(scene, found, wi)
         return hit
 

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import MaterialView, SceneView
+from warpmis.device.views import FLAT, MaterialView, SceneView
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
-from warpmis.kernels.hit import Hit, make_hit
+from warpmis.kernels.hit import NO_INSTANCE, Hit, make_hit
 from warpmis.kernels.instances import make_instances, normal_to_world
 from warpmis.kernels.material import make_material
 from warpmis.kernels.shading_frame import Frame, frame_from_normal, luminance, to_local
@@ -17,28 +17,28 @@ wp.set_module_options({"enable_backward": False})
 # A mapped normal that the ray's origin sees at a smaller cosine is turned towards it.
 MIN_MAPPED_COSINE = wp.constant(0.01)
 
-# No ray is followed through more transparent surfaces than this.
-MAX_PASSED = wp.constant(64)
+# A ray goes straight through at most so many transparent surfaces.
+MAX_TRANSPARENT = wp.constant(64)
 
 
 def make_intersect(features: Features) -> SimpleNamespace:
-    """Intersection functions for the surfaces in `features`: closest_hit, shading_frame, passed, transmittance, and
-    prim_of, has_own_shadows."""
+    """Intersection functions for the surfaces in `features`: closest_hit, shading_frame, transparency, transmittance,
+    and prim_of, has_shadow_link."""
     materials = make_material(features)
     hits = make_hit(features)
     instances = make_instances(hits)
     closest = instances.closest_hit_of_all if features.instances else hits.closest_hit
 
     @wp.func
-    def mapped_normal(scene: SceneView, hit: Hit, material: MaterialView, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
-        """The normal `n`, on the ray's side, turned by a normal map, no further than the ray's origin can see it."""
+    def apply_normal_map(scene: SceneView, hit: Hit, material: MaterialView, wi: wp.vec3, n: wp.vec3) -> wp.vec3:
+        """The normal `n`, on the ray's side, turned by a normal map, but not so far that it faces away from the ray."""
         if wp.length_sq(material.normal) == 0.0:
             return n
-        side = wp.where(hit.outside != 0, 1.0, -1.0)
-        turned = materials.tilted(scene, hit, material, n * side) * side
-        seen = -wp.dot(turned, wi)
-        if seen < MIN_MAPPED_COSINE:
-            turned = wp.normalize(turned - wi * (MIN_MAPPED_COSINE - seen))
+        side = wp.where(hit.is_front, 1.0, -1.0)
+        turned = materials.mapped_normal(scene, hit, material, n * side) * side
+        cos_theta = -wp.dot(turned, wi)
+        if cos_theta < MIN_MAPPED_COSINE:
+            turned = wp.normalize(turned - wi * (MIN_MAPPED_COSINE - cos_theta))
         return wp.where(wp.dot(turned, hit.ng) > 0.0, turned, n)
 
     @wp.func
@@ -47,34 +47,34 @@ def make_intersect(features: Features) -> SimpleNamespace:
         n = hit.ng
         if wp.static(features.shading_normals):
             rows = scene.triangles[hit.triangle].normals
-            if rows[0] >= 0:
+            if rows[0] != FLAT:
                 n0 = scene.normals[rows[0]]
                 n1 = scene.normals[rows[1]]
                 n2 = scene.normals[rows[2]]
                 if wp.static(features.instances):
-                    if hit.instance >= 0:
+                    if hit.instance != NO_INSTANCE:
                         n0 = wp.normalize(normal_to_world(scene, hit.instance, n0))
                         n1 = wp.normalize(normal_to_world(scene, hit.instance, n1))
                         n2 = wp.normalize(normal_to_world(scene, hit.instance, n2))
                 shading = n0 * hit.u + n1 * hit.v + n2 * (1.0 - hit.u - hit.v)
-                if hit.outside == 0:
+                if not hit.is_front:
                     shading = -shading
                 shading = wp.normalize(shading)
                 if wp.dot(shading, wi) < -1.0e-4 and wp.dot(shading, hit.ng) > 0.0:
                     n = shading
         if wp.static(features.normal_maps):
-            n = mapped_normal(scene, hit, material, wi, n)
+            n = apply_normal_map(scene, hit, material, wi, n)
         return frame_from_normal(n)
 
     @wp.func
-    def passed(material: MaterialView, cos_theta: float) -> wp.vec3:
+    def transparency(material: MaterialView, cos_theta: float) -> wp.vec3:
         """Share of the light that goes straight through a surface.
 
         In UsdPreviewSurface's opacityMode "transparent" the specular lobes reflect first, "presence" cuts them too.
         """
         share = wp.vec3(1.0, 1.0, 1.0) * (1.0 - material.opacity)
         if wp.static(features.specular):
-            if material.presence == 0:
+            if not material.opacity_is_presence:
                 f = schlick(material.specular_f0, cos_theta)
                 share = wp.cw_mul(share, wp.vec3(1.0, 1.0, 1.0) - f)
                 share = share * (1.0 - material.coat * schlick_scalar(material.coat_f0, cos_theta))
@@ -84,21 +84,21 @@ def make_intersect(features: Features) -> SimpleNamespace:
     def prim_of(scene: SceneView, hit: Hit) -> int:
         """Row in Scene.prims of the surface."""
         if wp.static(features.instances):
-            if hit.instance >= 0:
+            if hit.instance != NO_INSTANCE:
                 return scene.instances[hit.instance].prim
         return scene.prims[hit.triangle]
 
     @wp.func
-    def has_own_shadows(scene: SceneView, light: int) -> bool:
-        """Whether not every prim stands in the way of the light, a row of SceneView.controls."""
+    def has_shadow_link(scene: SceneView, light: int) -> bool:
+        """Whether some prim casts no shadow from the light, a row of SceneView.controls."""
         if light >= scene.controls.shape[0]:
             return False
-        return scene.controls[light].shadowed_by.shape[0] > 0
+        return scene.controls[light].shadow_casters.shape[0] > 0
 
     @wp.func
     def visibility(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """What a shadow ray leaves of the light among opaque surfaces: all or nothing."""
-        if hits.is_met(scene, scene.mesh, scene.root, origin, wi, distance):
+        """Share of the light that arrives among opaque surfaces: 1 or 0."""
+        if hits.any_hit(scene, scene.mesh, scene.root, origin, wi, distance):
             return wp.vec3(0.0, 0.0, 0.0)
         if wp.static(features.instances):
             if instances.is_occluded_by_instance(scene, origin, wi, distance):
@@ -107,39 +107,39 @@ def make_intersect(features: Features) -> SimpleNamespace:
 
     @wp.func
     def transmittance(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """The same, per colour, among surfaces that let light through, or cast no shadow from this one."""
+        """The same, per colour, where surfaces let light through, or cast no shadow from this light."""
         if wp.static(not features.opacity):
-            if not has_own_shadows(scene, light):
+            if not has_shadow_link(scene, light):
                 return visibility(scene, light, origin, wi, distance)
         share = wp.vec3(1.0, 1.0, 1.0)
         start = origin
-        left = distance
-        for _passed in range(MAX_PASSED):
+        remaining = distance
+        for _surface in range(MAX_TRANSPARENT):
             hit = closest(scene, start, wi)
-            if hit.distance >= left:
+            if hit.distance >= remaining:
                 return share
-            stands = bool(True)
+            is_caster = bool(True)
             if wp.static(features.shadow_links):
-                if has_own_shadows(scene, light):
-                    stands = scene.controls[light].shadowed_by[prim_of(scene, hit)] != 0
-            if stands:
+                if has_shadow_link(scene, light):
+                    is_caster = scene.controls[light].shadow_casters[prim_of(scene, hit)] != 0
+            if is_caster:
                 material = scene.materials[scene.triangles[hit.triangle].material]
                 if material.opacity >= 1.0:
                     return wp.vec3(0.0, 0.0, 0.0)
                 material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
                 cos_theta = to_local(shading_frame(scene, hit, material, wi), -wi)[2]
-                share = wp.cw_mul(share, passed(material, cos_theta))
+                share = wp.cw_mul(share, transparency(material, cos_theta))
                 if luminance(share) <= 0.0:
                     return share
-            left -= hit.distance
+            remaining -= hit.distance
             start = hit.p - hit.ng * hit.offset
         return wp.vec3(0.0, 0.0, 0.0)
 
     return SimpleNamespace(
         closest_hit=closest,
         shading_frame=shading_frame,
-        passed=passed,
+        transparency=transparency,
         prim_of=prim_of,
-        has_own_shadows=has_own_shadows,
+        has_shadow_link=has_shadow_link,
         transmittance=transmittance if features.opacity or features.shadow_links else visibility,
     )

@@ -1,10 +1,12 @@
 """Eight floats at a time, in a CPU's SIMD registers.
 
-Warp's operations on a vector of eight are loops of eight, which the compiler turns into one instruction each. Not so
-where the eight part again: from eight comparisons in Warp's language it makes some forty instructions, and the
-operations before them get torn up as well. So the two steps from lanes to bits are said in the compiler's own language:
-its vectors, which every processor has in some width. Nor so with Warp's minima and maxima, which leave out a NaN, at
-four instructions each: those here are a processor's own, where the second of two lanes stands if either is NaN.
+Warp's operations on a vector of eight are loops of eight, and the compiler turns each loop into one instruction. Two
+kinds of operation it does not vectorise:
+
+- Eight comparisons become some forty instructions, and the operations before them are not vectorised either. So the
+  step from lanes to a mask is written with the compiler's vector extension, which every processor supports.
+- Warp's minima and maxima skip NaN, at four instructions each. Those here are the processor's own: if a lane of either
+  is NaN, the result is the second.
 """
 
 import warp as wp
@@ -15,7 +17,7 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.func
-def all_eight(x: float) -> vec8f:
+def splat8(x: float) -> vec8f:
     return vec8f(x, x, x, x, x, x, x, x)
 
 
@@ -27,7 +29,7 @@ def all_eight(x: float) -> vec8f:
     __builtin_memcpy(&y, &b, sizeof(y));
     return __builtin_bit_cast(unsigned char, __builtin_convertvector(x <= y, bits));
 """)
-def lanes_up_to(a: vec8f, b: vec8f) -> int:
+def mask_less_equal(a: vec8f, b: vec8f) -> int:
     """A mask of the lanes in which a <= b; the first lane is the lowest bit."""
     ...
 
@@ -38,8 +40,8 @@ def lanes_up_to(a: vec8f, b: vec8f) -> int:
         least[i] = a[i] < b[i] ? a[i] : b[i];
     return least;
 """)
-def lesser(a: vec8f, b: vec8f) -> vec8f:
-    """The lesser of each two lanes."""
+def min8(a: vec8f, b: vec8f) -> vec8f:
+    """The minimum in each lane."""
     ...
 
 
@@ -49,12 +51,12 @@ def lesser(a: vec8f, b: vec8f) -> vec8f:
         most[i] = a[i] > b[i] ? a[i] : b[i];
     return most;
 """)
-def greater(a: vec8f, b: vec8f) -> vec8f:
-    """The greater of each two lanes."""
+def max8(a: vec8f, b: vec8f) -> vec8f:
+    """The maximum in each lane."""
     ...
 
 
 @wp.func_native("return __builtin_ctz(mask);")
-def lowest_bit(mask: int) -> int:
-    """The place of the lowest 1 in a mask that is not 0."""
+def first_set_bit(mask: int) -> int:
+    """The index of the lowest 1 in a mask that is not 0."""
     ...

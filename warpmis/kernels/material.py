@@ -8,9 +8,11 @@ import warp as wp
 from warpmis.device.views import (
     COAT,
     COAT_ROUGHNESS,
+    CONSTANT,
     DIFFUSE,
     EMISSIVE,
     METALLIC,
+    NO_TILE,
     NORMAL,
     ROUGHNESS,
     SPECULAR,
@@ -19,7 +21,7 @@ from warpmis.device.views import (
     SceneView,
     VaryingView,
 )
-from warpmis.kernels.hit import Hit
+from warpmis.kernels.hit import NO_INSTANCE, Hit
 from warpmis.kernels.texture import Footprint, coordinates, corner_coordinates, footprint, picture_value, primvar_value
 from warpmis.scene.features import Features
 
@@ -37,19 +39,19 @@ def clamped(color: wp.vec3, high: float) -> wp.vec3:
 
 @cache
 def make_material(features: Features) -> SimpleNamespace:
-    """Material functions for what varies in `features`: at, tilted."""
+    """Material functions for what varies in `features`: at, mapped_normal."""
 
     @wp.func
     def primvar_row(varying: wp.array(dtype=VaryingView), column: int, triangle: int, instance: int) -> int:
         """The row of the primvars that a lookup reads: the triangle's, or that of the instance where it has none."""
         row = triangle
         if wp.static(features.instances):
-            if instance >= 0 and wp.isnan(varying[0].primvars[triangle, 0, column]):
+            if instance != NO_INSTANCE and wp.isnan(varying[0].primvars[triangle, 0, column]):
                 row = varying[0].first_place + instance
         return row
 
     @wp.func
-    def looked_up(
+    def evaluate_inputs(
         varying: wp.array(dtype=VaryingView), constant: InputsView, triangle: int, instance: int, u: float, v: float
     ) -> InputsView:
         """The inputs as they are at a point, each within its range.
@@ -63,11 +65,11 @@ def make_material(features: Features) -> SimpleNamespace:
             at = primvar_row(varying, lookup.column, triangle, instance)
             value = wp.vec3()
             if wp.static(features.vertex_colors):
-                if lookup.tile < 0:
+                if lookup.tile == NO_TILE:
                     value = primvar_value(varying[0].primvars, lookup, at, u, v)
             if wp.static(features.textures):
-                if lookup.tile >= 0:
-                    if lookup.repeats == 0:
+                if lookup.tile != NO_TILE:
+                    if not lookup.reuses_footprint:
                         f = footprint(varying, lookup, coordinates(varying[0].primvars, lookup, at, u, v))
                     value = picture_value(varying, lookup, f)
             number = wp.clamp(value[0], 0.0, 1.0)
@@ -95,16 +97,16 @@ def make_material(features: Features) -> SimpleNamespace:
         return i
 
     @wp.func
-    def resolved(
+    def resolve(
         varying: wp.array(dtype=VaryingView), base: MaterialView, triangle: int, instance: int, u: float, v: float
     ) -> MaterialView:
         """`base` with the inputs as they are at a point, resolved as device/materials.py does constant ones."""
-        i = looked_up(varying, varying[0].inputs[base.inputs], triangle, instance, u, v)
+        i = evaluate_inputs(varying, varying[0].inputs[base.inputs], triangle, instance, u, v)
         m = base
         m.diffuse = i.diffuse
-        if base.has_specular != 0:
+        if base.has_specular:
             m.specular_f0 = i.specular
-            if i.use_specular_workflow == 0:
+            if not i.use_specular_workflow:
                 # coat_f0 is the reflectance of the index of refraction, whether there is a coat or not.
                 dielectric = base.coat_f0 * (1.0 - i.metallic)
                 m.specular_f0 = wp.vec3(dielectric, dielectric, dielectric) + i.diffuse * i.metallic
@@ -115,21 +117,21 @@ def make_material(features: Features) -> SimpleNamespace:
         m.opacity = i.opacity
         m.normal = i.normal
         m.emission = i.emissive
-        if base.presence != 0:
+        if base.opacity_is_presence:
             m.emission = i.emissive * i.opacity
         return m
 
     @wp.func
     def at(scene: SceneView, triangle: int, instance: int, u: float, v: float) -> MaterialView:
-        """The material at a point of a triangle, in an instance or -1; u weighs its first corner, v the second."""
+        """The material at a point of a triangle, of an instance or of none; u weighs the first corner, v the second."""
         material = scene.materials[scene.triangles[triangle].material]
         if wp.static(features.textures or features.vertex_colors):
-            if material.inputs >= 0:
-                return resolved(scene.varying, material, triangle, instance, u, v)
+            if material.inputs != CONSTANT:
+                return resolve(scene.varying, material, triangle, instance, u, v)
         return material
 
     @wp.func
-    def tilted(scene: SceneView, hit: Hit, material: MaterialView, n: wp.vec3) -> wp.vec3:
+    def mapped_normal(scene: SceneView, hit: Hit, material: MaterialView, n: wp.vec3) -> wp.vec3:
         """The unit normal `n` (of the front, in the world) turned by the normal map that the material has.
 
         The map's x and y go along the surface in the directions in which the texture coordinates grow:
@@ -144,7 +146,7 @@ def make_material(features: Features) -> SimpleNamespace:
         e0 = scene.points[corners[0]] - p2
         e1 = scene.points[corners[1]] - p2
         if wp.static(features.instances):
-            if hit.instance >= 0:
+            if hit.instance != NO_INSTANCE:
                 e0 = scene.instances[hit.instance].linear * e0
                 e1 = scene.instances[hit.instance].linear * e1
         row = primvar_row(varying, lookup.column, triangle, hit.instance)
@@ -168,4 +170,4 @@ def make_material(features: Features) -> SimpleNamespace:
         length = wp.length(turned)
         return wp.where(length > 0.0, turned / wp.max(length, 1.0e-20), n)
 
-    return SimpleNamespace(at=at, tilted=tilted)
+    return SimpleNamespace(at=at, mapped_normal=mapped_normal)

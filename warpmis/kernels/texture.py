@@ -11,6 +11,7 @@ from warpmis.device.views import (
     BLOCK,
     FLOATS,
     MIRRORED,
+    NO_TILE,
     REPEAT,
     RGB,
     SRGB_BYTES,
@@ -59,7 +60,7 @@ def corner_coordinates(primvars: wp.array3d(dtype=float), lookup: LookupView, tr
 class Footprint:
     """The four texels around a point: where they stand among those of their picture, and how much each counts.
 
-    tile: which of a lookup's tiles has them, or -1 where none does. Beyond a black border a texel counts nothing.
+    tile: which of a lookup's tiles has them, or NO_TILE where none does. Beyond a black border a texel counts nothing.
     weights: of the upper right, lower left and lower right texel. coverage: of all four, 1 but at such a border.
     """
 
@@ -147,14 +148,14 @@ def footprint(varying: wp.array(dtype=VaryingView), lookup: LookupView, st: wp.v
     if lookup.udim_rows > 0:
         column = wp.floor(s)
         row = wp.floor(t)
-        index = -1
+        index = NO_TILE
         if column >= 0.0 and row >= 0.0 and column < float(UDIM_COLUMNS) and row < float(lookup.udim_rows):
             index = int(row) * UDIM_COLUMNS + int(column)
         s = s - column
         t = t - row
     tile = varying[0].tiles[lookup.tile + wp.max(index, 0)]
     f = footprint_in(tile, s, t, lookup.wrap_s, lookup.wrap_t)
-    f.tile = wp.where(tile.rows == 0, -1, index)
+    f.tile = wp.where(tile.rows == 0, NO_TILE, index)
     return f
 
 
@@ -203,7 +204,7 @@ def filtered(varying: wp.array(dtype=VaryingView), tile: TileView, f: Footprint,
 def picture_value(varying: wp.array(dtype=VaryingView), lookup: LookupView, f: Footprint) -> wp.vec3:
     """scale * texel + bias of a lookup's channels; of a number, in each component."""
     value = lookup.fallback
-    if f.tile >= 0:
+    if f.tile != NO_TILE:
         tile = varying[0].tiles[lookup.tile + f.tile]
         channel = lookup.channel
         first = filtered(varying, tile, f, wp.max(channel, 0))

@@ -13,7 +13,7 @@ Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1)).
 import warp as wp
 
 from warpmis.device.views import WideTreeView
-from warpmis.kernels.lanes import all_eight, greater, lanes_up_to, lesser, lowest_bit
+from warpmis.kernels.lanes import first_set_bit, mask_less_equal, max8, min8, splat8
 
 wp.set_module_options({"enable_backward": False})
 
@@ -25,10 +25,13 @@ stack_of_distances = wp.types.vector(length=STACK_SIZE, dtype=wp.float32)
 stack_of_levels = wp.types.vector(length=LEVELS, dtype=wp.int32)
 
 # Components of a direction count as no smaller, so that their inverses are finite.
-LEAST = wp.constant(1.0e-20)
+MIN_COMPONENT = wp.constant(1.0e-20)
 
 # Triangles whose area across the ray is a smaller share of their size squared are looked at in double precision.
-THIN = wp.constant(0.01)
+THIN_TRIANGLE = wp.constant(0.01)
+
+# In place of a triangle's row.
+NO_FACE = wp.constant(-1)
 
 
 @wp.struct
@@ -51,8 +54,8 @@ class SlabRay:
 
 
 @wp.struct
-class Nearest:
-    """The closest triangle: face -1 where there is none; u and v weigh its first two corners."""
+class TriangleHit:
+    """The closest triangle: NO_FACE where there is none; u and v weigh its first two corners."""
 
     distance: float
     face: int
@@ -66,8 +69,8 @@ def slab_ray(origin: wp.vec3, direction: wp.vec3) -> SlabRay:
     ray.origin = origin
     for axis in range(3):
         d = direction[axis]
-        if wp.abs(d) < LEAST:
-            d = LEAST
+        if wp.abs(d) < MIN_COMPONENT:
+            d = MIN_COMPONENT
         ray.inverse[axis] = 1.0 / d
         ray.far[axis] = wp.where(d < 0.0, 1, 0)
     if wp.abs(direction[1]) > wp.abs(direction[0]):
@@ -83,11 +86,11 @@ def slab_ray(origin: wp.vec3, direction: wp.vec3) -> SlabRay:
 
 
 @wp.func
-def boxes_met(tree: WideTreeView, node: int, ray: SlabRay, reach: float):
-    """A mask of the node's boxes that the ray meets nearer than `reach`, and at which distances."""
-    x = all_eight(ray.origin[0])
-    y = all_eight(ray.origin[1])
-    z = all_eight(ray.origin[2])
+def intersect_boxes(tree: WideTreeView, node: int, ray: SlabRay, reach: float):
+    """A mask of the node's boxes that the ray enters nearer than `reach`, and the distances at which it does."""
+    x = splat8(ray.origin[0])
+    y = splat8(ray.origin[1])
+    z = splat8(ray.origin[2])
     row = 6 * node
     near_x = (tree.bounds[row + ray.far[0]] - x) * ray.inverse[0]
     far_x = (tree.bounds[row + 1 - ray.far[0]] - x) * ray.inverse[0]
@@ -95,22 +98,22 @@ def boxes_met(tree: WideTreeView, node: int, ray: SlabRay, reach: float):
     far_y = (tree.bounds[row + 3 - ray.far[1]] - y) * ray.inverse[1]
     near_z = (tree.bounds[row + 4 + ray.far[2]] - z) * ray.inverse[2]
     far_z = (tree.bounds[row + 5 - ray.far[2]] - z) * ray.inverse[2]
-    near = greater(greater(near_x, near_y), greater(near_z, all_eight(0.0)))
-    far = lesser(lesser(far_x, far_y), lesser(far_z, all_eight(reach)))
-    return lanes_up_to(near, far), near
+    near = max8(max8(near_x, near_y), max8(near_z, splat8(0.0)))
+    far = min8(min8(far_x, far_y), min8(far_z, splat8(reach)))
+    return mask_less_equal(near, far), near
 
 
 @wp.func
-def triangles_met(tree: WideTreeView, leaf: int, ray: SlabRay, reach: float):
-    """Two masks of the leaf's triangles: those that the ray meets nearer than `reach`, and those that it may meet.
+def intersect_triangles(tree: WideTreeView, leaf: int, ray: SlabRay, reach: float):
+    """Two masks of the leaf's triangles, and the distances and the weights of the first two corners of all eight.
 
-    Of the latter an edge function is 0, whose sign should decide; or they are needles, or in a grazing view, and their
-    edge functions are what rounding has left of larger products, and no weights to interpolate by. And for all of them
-    the distances, and the weights of the first two corners.
+    The first mask has those that the ray hits nearer than `reach`. The second has those that need double precision. In
+    these an edge function is 0, so that its sign decides nothing; or the triangle is thin as seen along the ray, so
+    that rounding decides the edge functions.
     """
-    x = all_eight(ray.origin[ray.kx])
-    y = all_eight(ray.origin[ray.ky])
-    z = all_eight(ray.origin[ray.kz])
+    x = splat8(ray.origin[ray.kx])
+    y = splat8(ray.origin[ray.ky])
+    z = splat8(ray.origin[ray.kz])
     row = 9 * leaf
     az = tree.corners[row + ray.kz] - z
     bz = tree.corners[row + 3 + ray.kz] - z
@@ -124,22 +127,22 @@ def triangles_met(tree: WideTreeView, leaf: int, ray: SlabRay, reach: float):
     u = wp.cw_mul(cx, by) - wp.cw_mul(cy, bx)
     v = wp.cw_mul(ax, cy) - wp.cw_mul(ay, cx)
     w = wp.cw_mul(bx, ay) - wp.cw_mul(by, ax)
-    zero = all_eight(0.0)
-    lowest = lesser(lesser(u, v), w)
-    highest = greater(greater(u, v), w)
-    is_inside = lanes_up_to(lesser(-lowest, highest), zero)
+    zero = splat8(0.0)
+    lowest = min8(min8(u, v), w)
+    highest = max8(max8(u, v), w)
+    is_inside = mask_less_equal(min8(-lowest, highest), zero)
     total = u + v + w
-    least = lesser(lesser(wp.abs(u), wp.abs(v)), wp.abs(w))
-    across = greater(greater(wp.abs(ax), wp.abs(bx)), wp.abs(cx))
-    up = greater(greater(wp.abs(ay), wp.abs(by)), wp.abs(cy))
-    size = greater(across, up)
-    is_thin = lanes_up_to(wp.abs(total), wp.cw_mul(size, size) * THIN)
-    in_doubt = is_inside & (lanes_up_to(least, zero) | is_thin)
-    scale = wp.cw_div(all_eight(1.0), total)
+    least = min8(min8(wp.abs(u), wp.abs(v)), wp.abs(w))
+    across = max8(max8(wp.abs(ax), wp.abs(bx)), wp.abs(cx))
+    up = max8(max8(wp.abs(ay), wp.abs(by)), wp.abs(cy))
+    size = max8(across, up)
+    is_thin = mask_less_equal(wp.abs(total), wp.cw_mul(size, size) * THIN_TRIANGLE)
+    needs_exact = is_inside & (mask_less_equal(least, zero) | is_thin)
+    scale = wp.cw_div(splat8(1.0), total)
     distance = wp.cw_mul((wp.cw_mul(u, az) + wp.cw_mul(v, bz) + wp.cw_mul(w, cz)) * ray.sz, scale)
-    is_in_reach = lanes_up_to(zero, distance) & ~lanes_up_to(all_eight(reach), distance)
-    met = is_inside & is_in_reach & ~in_doubt
-    return met, in_doubt, distance, wp.cw_mul(u, scale), wp.cw_mul(v, scale)
+    is_in_reach = mask_less_equal(zero, distance) & ~mask_less_equal(splat8(reach), distance)
+    is_hit = is_inside & is_in_reach & ~needs_exact
+    return is_hit, needs_exact, distance, wp.cw_mul(u, scale), wp.cw_mul(v, scale)
 
 
 @wp.func
@@ -152,7 +155,7 @@ def sheared(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec2d:
 
 
 @wp.func
-def edges_exactly(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec3:
+def edge_functions_exactly(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec3:
     a = sheared(tree, row, i, ray)
     b = sheared(tree, row + 3, i, ray)
     c = sheared(tree, row + 6, i, ray)
@@ -163,12 +166,12 @@ def edges_exactly(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec3
 
 
 @wp.func
-def crossing_exactly(tree: WideTreeView, leaf: int, i: int, ray: SlabRay) -> Nearest:
-    """Where the ray crosses a triangle that it may meet; face -1 where a second look finds that it does not."""
-    found = Nearest()
-    found.face = -1
+def intersect_exactly(tree: WideTreeView, leaf: int, i: int, ray: SlabRay) -> TriangleHit:
+    """Where the ray crosses a triangle that it may meet; NO_FACE where double precision shows that it does not."""
+    found = TriangleHit()
+    found.face = NO_FACE
     row = 9 * leaf
-    edges = edges_exactly(tree, row, i, ray)
+    edges = edge_functions_exactly(tree, row, i, ray)
     total = edges[0] + edges[1] + edges[2]
     if total == 0.0 or (wp.min(edges) < 0.0 and wp.max(edges) > 0.0):
         return found
@@ -186,30 +189,30 @@ def crossing_exactly(tree: WideTreeView, leaf: int, i: int, ray: SlabRay) -> Nea
 
 
 @wp.func
-def nearest_in_leaf(tree: WideTreeView, leaf: int, ray: SlabRay, found: Nearest) -> Nearest:
+def closest_in_leaf(tree: WideTreeView, leaf: int, ray: SlabRay, found: TriangleHit) -> TriangleHit:
     """The closest triangle of the leaf, if it is nearer than what was found before; else that."""
-    mask, in_doubt, distances, u, v = triangles_met(tree, leaf, ray, found.distance)
+    mask, needs_exact, distances, u, v = intersect_triangles(tree, leaf, ray, found.distance)
     while mask != 0:
-        i = lowest_bit(mask)
+        i = first_set_bit(mask)
         mask = mask & (mask - 1)
         if distances[i] < found.distance:
             found.distance = distances[i]
             found.face = tree.faces[8 * leaf + i]
             found.u = u[i]
             found.v = v[i]
-    while in_doubt != 0:
-        here = crossing_exactly(tree, leaf, lowest_bit(in_doubt), ray)
-        in_doubt = in_doubt & (in_doubt - 1)
-        if here.face >= 0 and here.distance < found.distance:
+    while needs_exact != 0:
+        here = intersect_exactly(tree, leaf, first_set_bit(needs_exact), ray)
+        needs_exact = needs_exact & (needs_exact - 1)
+        if here.face != NO_FACE and here.distance < found.distance:
             found = here
     return found
 
 
 @wp.func
-def nearest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp.vec3, reach: float) -> Nearest:
+def closest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp.vec3, reach: float) -> TriangleHit:
     """The closest triangle nearer than `reach`, in units of the direction's length."""
-    found = Nearest()
-    found.face = -1
+    found = TriangleHit()
+    found.face = NO_FACE
     found.distance = reach
     ray = slab_ray(origin, direction)
     nodes = stack_of_nodes()
@@ -222,10 +225,10 @@ def nearest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: w
             continue
         node = nodes[size]
         if node >= 0:
-            mask, near = boxes_met(tree, node, ray, found.distance)
+            mask, near = intersect_boxes(tree, node, ray, found.distance)
             first = size
             while mask != 0:
-                i = lowest_bit(mask)
+                i = first_set_bit(mask)
                 mask = mask & (mask - 1)
                 # The nearest last, since that is the next to be visited.
                 place = size
@@ -237,34 +240,34 @@ def nearest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: w
                 nodes[place] = tree.children[8 * node + i]
                 size += 1
         else:
-            found = nearest_in_leaf(tree, -1 - node, ray, found)
+            found = closest_in_leaf(tree, -1 - node, ray, found)
     return found
 
 
 @wp.func
-def is_met_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp.vec3, reach: float) -> bool:
+def any_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp.vec3, reach: float) -> bool:
     """Whether there is any triangle nearer than `reach`."""
-    nothing = Nearest()
-    nothing.face = -1
-    nothing.distance = reach
+    no_hit = TriangleHit()
+    no_hit.face = NO_FACE
+    no_hit.distance = reach
     ray = slab_ray(origin, direction)
     # Of each node on the way here, the boxes that are still to be visited.
     nodes = stack_of_levels()
     masks = stack_of_levels()
     level = int(0)
     node = int(root)
-    mask, _near = boxes_met(tree, node, ray, reach)
+    mask, _near = intersect_boxes(tree, node, ray, reach)
     while True:
         if mask != 0:
-            child = tree.children[8 * node + lowest_bit(mask)]
+            child = tree.children[8 * node + first_set_bit(mask)]
             mask = mask & (mask - 1)
             if child >= 0:
                 nodes[level] = node
                 masks[level] = mask
                 level += 1
                 node = child
-                mask, _near = boxes_met(tree, node, ray, reach)
-            elif nearest_in_leaf(tree, -1 - child, ray, nothing).face >= 0:
+                mask, _near = intersect_boxes(tree, node, ray, reach)
+            elif closest_in_leaf(tree, -1 - child, ray, no_hit).face != NO_FACE:
                 return True
         elif level > 0:
             level -= 1

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpmis.device.views import vec8f
-from warpmis.kernels.lanes import greater, lanes_up_to, lesser, lowest_bit
+from warpmis.kernels.lanes import first_set_bit, mask_less_equal, max8, min8
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -14,25 +14,25 @@ def compare(
     a: wp.array(dtype=vec8f), b: wp.array(dtype=vec8f), masks: wp.array(dtype=int), lowest: wp.array(dtype=int)
 ):
     i = wp.tid()
-    mask = lanes_up_to(a[i], b[i])
+    mask = mask_less_equal(a[i], b[i])
     masks[i] = mask
     lowest[i] = -1
     if mask != 0:
-        lowest[i] = lowest_bit(mask)
+        lowest[i] = first_set_bit(mask)
 
 
 @wp.kernel(module="unique", enable_backward=False)
 def part(a: wp.array(dtype=vec8f), b: wp.array(dtype=vec8f), least: wp.array(dtype=vec8f), most: wp.array(dtype=vec8f)):
     i = wp.tid()
-    least[i] = lesser(a[i], b[i])
-    most[i] = greater(a[i], b[i])
+    least[i] = min8(a[i], b[i])
+    most[i] = max8(a[i], b[i])
 
 
 VALUES = np.array([-np.inf, -1.0, -1e-37, -0.0, 0.0, 1e-37, 1.0, np.inf], np.float32)
 
 
 def test_minima_and_maxima() -> None:
-    """The lesser and the greater of each two lanes; the second where either is NaN."""
+    """The min8 and the max8 of each two lanes; the second where either is NaN."""
     a, b = np.random.default_rng(2).choice(np.append(VALUES, np.nan), (2, 1 << 10, 8))
     inputs = [wp.array(e, dtype=vec8f, device="cpu") for e in (a, b)]
     least, most = (wp.zeros(len(a), dtype=vec8f, device="cpu") for _ in range(2))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpmis.device.mesh import padded_boxes
 from warpmis.device.views import WideTreeView
 from warpmis.device.wide_tree import HALVING_LEVEL, WIDTH, wide_trees
-from warpmis.kernels.wide_tree import LEVELS, STACK_SIZE, is_met_in_tree, nearest_in_tree
+from warpmis.kernels.wide_tree import LEVELS, STACK_SIZE, any_in_tree, closest_in_tree
 
 Soup = tuple[NDArray[np.float32], NDArray[np.int32]]
 
@@ -102,9 +102,9 @@ def shoot(
     met: wp.array(dtype=int),
 ):
     i = wp.tid()
-    nearest = nearest_in_tree(tree, root, origins[i], directions[i], reach)
+    nearest = closest_in_tree(tree, root, origins[i], directions[i], reach)
     found[i] = wp.vec4(nearest.distance, float(nearest.face), nearest.u, nearest.v)
-    met[i] = wp.where(is_met_in_tree(tree, root, origins[i], directions[i], reach), 1, 0)
+    met[i] = wp.where(any_in_tree(tree, root, origins[i], directions[i], reach), 1, 0)
 
 
 def shot(tree: WideTreeView, root: int, rays: tuple[np.ndarray, np.ndarray], reach: float) -> tuple[np.ndarray, ...]:

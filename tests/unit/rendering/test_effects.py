@@ -40,13 +40,13 @@ FUNCTIONS = {
     "light_pictures": ("picture_factor",),
     "light_response": ("make_control__locals__response",),
     "light_links": ("make_control__locals__factor",),
-    "shadow_links": ("make_intersect__locals__has_own_shadows",),
+    "shadow_links": ("make_intersect__locals__has_shadow_link",),
     "clearcoat": ("make_surface__locals__coat_transmittance",),
     "smooth": ("make_events__locals__choose",),
     "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
-    "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__passed"),
+    "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__transparency"),
     "textures": ("picture_value", "footprint", "filtered"),
-    "normal_maps": ("make_intersect__locals__mapped_normal",),
+    "normal_maps": ("make_intersect__locals__apply_normal_map",),
     "clipping": ("clipped",),
 }
 

@@ -72,8 +72,8 @@ def test_texels_of_one_place_stand_side_by_side(tmp_path):
     tables = material_tables(scene_of(tmp_path, MATERIAL))
     strides = [tables.tiles[view.tile].stride for view in tables.lookups]
     assert sorted(strides) == [1, 5, 5, 5, 5]
-    assert sorted({tables.tiles[view.tile].first for view in tables.lookups if view.repeats}) == [1, 2]
-    assert sum(1 - view.repeats for view in tables.lookups) == 2  # places that are computed
+    assert sorted({tables.tiles[view.tile].first for view in tables.lookups if view.reuses_footprint}) == [1, 2]
+    assert sum(not view.reuses_footprint for view in tables.lookups) == 2  # places that are computed
 
 
 def test_picture_that_stands_already_is_stored_once_and_read_where_it_is(tmp_path):
@@ -89,7 +89,7 @@ def test_picture_that_stands_already_is_stored_once_and_read_where_it_is(tmp_pat
 def test_other_places_are_computed_anew(tmp_path, change):
     rough = dataclasses.replace(MATERIAL.roughness, **change)
     tables = material_tables(scene_of(tmp_path, dataclasses.replace(MATERIAL, roughness=rough)))
-    assert sum(1 - view.repeats for view in tables.lookups) == 3
+    assert sum(not view.reuses_footprint for view in tables.lookups) == 3
 
 
 def test_frames_with_equal_pictures_share_their_texels_on_the_device(tmp_path):

@@ -30,8 +30,8 @@ class Event:
     weight: wp.vec3
 
 
-def make_events(features: Features, passed: wp.Function) -> SimpleNamespace:
-    """Event functions: choose. `passed` is intersect's share of light that goes straight through."""
+def make_events(features: Features, transparency: wp.Function) -> SimpleNamespace:
+    """Event functions: choose. transparency: intersect's share of light that goes straight through."""
 
     @wp.func
     def choose(material: MaterialView, cos_theta: float, u: float) -> Event:
@@ -39,12 +39,12 @@ def make_events(features: Features, passed: wp.Function) -> SimpleNamespace:
         through = wp.vec3(0.0, 0.0, 0.0)
         base = wp.vec3(0.0, 0.0, 0.0)
         coat = float(0.0)
-        # What presence leaves of the surface; 1 where the lobes hold the opacity themselves.
+        # Share of the surface that is there; 1 where the lobes hold the opacity themselves.
         present = float(1.0)
         rest = luminance(material.diffuse)
         if wp.static(features.opacity):
-            through = passed(material, cos_theta)
-            if material.presence != 0:
+            through = transparency(material, cos_theta)
+            if material.opacity_is_presence:
                 present = material.opacity
             else:
                 rest = rest * material.opacity
@@ -56,7 +56,7 @@ def make_events(features: Features, passed: wp.Function) -> SimpleNamespace:
                 if material.coat_alpha >= SMOOTH_ALPHA:
                     rest = rest + coat
                     coat = 0.0
-            if material.has_specular != 0:
+            if material.has_specular:
                 base = schlick(material.specular_f0, cos_theta) * below
                 if material.alpha >= SMOOTH_ALPHA:
                     rest = rest + luminance(base)

@@ -76,7 +76,7 @@ def make_surface(features: Features) -> SimpleNamespace:
         albedo = luminance(material.diffuse)
         s.p_diffuse = albedo
         if wp.static(features.specular):
-            if material.has_specular != 0:
+            if material.has_specular:
                 s.specular_f0 = material.specular_f0
                 s.alpha = material.alpha
                 f = schlick(material.specular_f0, wo[2])
@@ -86,7 +86,7 @@ def make_surface(features: Features) -> SimpleNamespace:
                 if wp.static(features.opacity):
                     # What is let through is no longer reflected diffusely; the specular lobe stays (the
                     # specification's mode "transparent").
-                    if material.presence == 0:
+                    if not material.opacity_is_presence:
                         s.diffuse = s.diffuse * material.opacity
                         s.p_diffuse = s.p_diffuse * material.opacity
         if wp.static(features.clearcoat):

@@ -1,4 +1,4 @@
-"""What is asked of a light beside its shape: factors on its radiance, none on any density."""
+"""A light's controls: factors on its radiance. They change no density."""
 
 from types import SimpleNamespace
 
@@ -95,14 +95,14 @@ def make_control(features: Features) -> SimpleNamespace:
 
     @wp.func
     def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
-        """What the light of that row in SceneView.controls sends to r, against wi, as a share of its radiance."""
+        """Share of the light's radiance that it sends to r, against wi. index: row of SceneView.controls."""
         share = wp.vec3(1.0, 1.0, 1.0)
         if index >= scene.controls.shape[0]:
             return share
         control = scene.controls[index]
         if wp.static(features.light_links):
-            if r.is_surface and control.reaches.shape[0] > 0:
-                if control.reaches[r.prim] == 0:
+            if r.is_surface and control.illuminates.shape[0] > 0:
+                if control.illuminates[r.prim] == 0:
                     return wp.vec3(0.0, 0.0, 0.0)
         if wp.static(features.shaping):
             share = shaping_factor(control, control.to_light * -wi)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import LightView, SceneView
+from warpmis.kernels.hit import NO_INSTANCE
 from warpmis.kernels.light.area import pdf_of_area
 from warpmis.kernels.light.dome import upper_bound
 from warpmis.kernels.light.records import LightHit, LightSample
@@ -23,7 +24,7 @@ wp.set_module_options({"enable_backward": False})
 def cos_emitted(light: LightView, normal: wp.vec3, wi: wp.vec3) -> float:
     """Cosine at the emitter of light that leaves against wi; 0 behind a one-sided emitter."""
     cos_light = -wp.dot(normal, wi)
-    if light.two_sided != 0:
+    if light.two_sided:
         cos_light = wp.abs(cos_light)
     return wp.max(cos_light, 0.0)
 
@@ -79,7 +80,7 @@ def make_mesh(features: Features) -> SimpleNamespace:
         s.pdf_solid_angle = pdf_mesh(light, scene.triangles[triangle].n, s.wi, s.distance)
         s.radiance = light.radiance
         if wp.static(features.textures or features.vertex_colors):
-            s.radiance = materials.at(scene, triangle, -1, 1.0 - b[0] - b[1], b[0]).emission
+            s.radiance = materials.at(scene, triangle, NO_INSTANCE, 1.0 - b[0] - b[1], b[0]).emission
         return s
 
     return SimpleNamespace(sample=sample)

@@ -92,7 +92,7 @@ def make_on_ray(features: Features, kinds: SimpleNamespace, control: SimpleNames
                 else:
                     ray.infinite += of_light
                 if wp.static(features.shadow_links):
-                    if r.is_surface and intersect.has_own_shadows(scene, i):  # the camera does not see through
+                    if r.is_surface and intersect.has_shadow_link(scene, i):  # the camera does not see through
                         # What ends the ray tells nothing of this light's shadows: found on the first stretch, or never.
                         through = intersect.transmittance(scene, i, r.x, wi, h.distance * SHADOW_END)
                         radiance = wp.cw_mul(radiance, through)

@@ -120,7 +120,7 @@ def sample_spherical_rect(light: LightView, r: SphericalRect, u: float, v: float
 def sample_rect(light: LightView, x: wp.vec3, u: float, v: float) -> LightSample:
     if wp.dot(x - light.center, light.n) <= 0.0:
         return LightSample()
-    if light.solid_angle_sampling != 0:
+    if light.samples_solid_angle:
         r = spherical_rect(light, x)
         if r.solid_angle > 0.0:
             return sample_spherical_rect(light, r, u, v)
@@ -137,7 +137,7 @@ def hit_rect(light: LightView, x: wp.vec3, wi: wp.vec3) -> LightHit:
         return hit
     hit.distance = plane.distance
     hit.pdf_solid_angle = pdf_of_area(light, plane.distance, plane.cos_light)
-    if light.solid_angle_sampling != 0:
+    if light.samples_solid_angle:
         r = spherical_rect(light, x)
         if r.solid_angle > 0.0:
             hit.pdf_solid_angle = 1.0 / r.solid_angle

@@ -53,7 +53,7 @@ def make_emission(
     ) -> wp.vec3:
         """That of a mesh light, `distance` from the last vertex; 0 of all other surfaces, and behind one-sided ones."""
         index = scene.triangles[hit.triangle].light
-        if index == NO_LIGHT or (hit.outside == 0 and material.double_sided == 0):
+        if index == NO_LIGHT or (not hit.is_front and not material.double_sided):
             return wp.vec3(0.0, 0.0, 0.0)
         emission = material.emission
         if wp.static(features.controlled):

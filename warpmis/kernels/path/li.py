@@ -17,7 +17,7 @@ from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.camera import CameraRay
 from warpmis.kernels.direct_light import make_direct_light
-from warpmis.kernels.intersect import MAX_PASSED, make_intersect
+from warpmis.kernels.intersect import MAX_TRANSPARENT, make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
@@ -43,7 +43,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     lights = make_lights(features)
     surface = make_surface(features)
     materials = make_material(features)
-    events = make_events(features, intersect.passed)
+    events = make_events(features, intersect.transparency)
     direct_light = make_direct_light(features, surface, lights, intersect)
     estimator = make_estimator(features, surface, lights, direct_light)
     record = estimator.record
@@ -77,19 +77,19 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
         vertex that is no mirror: of the strategy, then of a light and a lobe, then where the direction goes.
         """
         path = camera_path(scene, ray, key, allocation, u_choice)
-        for step in range(max_depth + 1 + MAX_PASSED):
+        for step in range(max_depth + 1 + MAX_TRANSPARENT):
             # Follow the ray to a surface; surfaces beyond the camera's clipping planes are not in view.
             hit = intersect.closest_hit(scene, path.origin, path.wi)
             path.rays += 1
             if wp.static(features.clipping):
-                if path.bounces == 0 and path.passed + hit.distance > ray.reach:
+                if path.bounces == 0 and path.travelled + hit.distance > ray.reach:
                     hit.distance = INFINITE_DISTANCE
             distance = hit.distance  # from the last vertex
             if distance < INFINITE_DISTANCE:
-                distance += path.passed
+                distance += path.travelled
 
             # Find the lights on the way there, with which the density of the ray's direction is known at last.
-            on_ray = lights.gather(scene, path.receiver, path.wi, path.passed, distance, path.pdf)
+            on_ray = lights.gather(scene, path.receiver, path.wi, path.travelled, distance, path.pdf)
             if not estimator.weigh_ray(scene, path, on_ray):
                 break
 
@@ -122,7 +122,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
                 break
             path.bounces += 1
             path.origin = hit.p + hit.ng * hit.offset
-            path.passed = 0.0
+            path.travelled = 0.0
 
             # A mirror has a single direction, which no light sample can be drawn in.
             if wp.static(has_events):

@@ -20,7 +20,7 @@ def make_specular(features: Features, PathState: type, lights: SimpleNamespace) 
     def pass_through(path: wp.ref[PathState], hit: wp.ref[Hit], distance: float):
         """Go on behind the surface, `distance` from the last vertex, as if it were not there."""
         path.origin = hit.p - hit.ng * hit.offset
-        path.passed = distance
+        path.travelled = distance
 
     @wp.func
     def reflect(scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], frame: Frame, wo: wp.vec3) -> bool:

@@ -63,8 +63,8 @@ def make_state(Estimate: type, Record: type) -> type:
         """A path as far as it has been traced.
 
         L: radiance found so far; beta: throughput, the product of f cos / pdf of its vertices.
-        origin, wi: the present ray; passed: distance from the last vertex to `origin`, not 0 where the ray has passed
-        through a surface.
+        origin, wi: the present ray; travelled: distance from the last vertex to `origin`, above 0 where the ray has
+        gone straight through a surface.
         receiver: the last vertex, as its lights know it; pdf: the density of wi there, against which light samples are
         weighed [1/sr].
         weighs_emission: a light sample of the last vertex could have found what the ray meets, so the emission that it
@@ -78,7 +78,7 @@ def make_state(Estimate: type, Record: type) -> type:
         beta: wp.vec3
         origin: wp.vec3
         wi: wp.vec3
-        passed: float
+        travelled: float
         receiver: Receiver
         pdf: float
         weighs_emission: bool
