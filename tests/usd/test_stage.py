@@ -150,8 +150,8 @@ def test_many_prims_and_many_triangles_load_quickly():
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
         mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(quads.ravel()))
         mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(quads), 4))
-    begin = time.perf_counter()
+    begin = time.process_time()  # other work on the machine does not count
     scene = load_stage(stage, complexity="low")
     # at 20 s for 1,000,000 triangles in 1,000 meshes these would take 1.2 s
     assert len(scene.geometry.triangles) == 20 * len(quads) * 2
-    assert time.perf_counter() - begin < 1.2
+    assert time.process_time() - begin < 1.2

@@ -127,7 +127,7 @@ def Material "Look"
 """
     scene = load(text + settings, render_settings="/R" if settings else None)
     (line,) = scene.warnings
-    assert line.startswith(f"/Set/B0: its material is bound for the purpose {purpose} alone")
+    assert line.startswith(f"/Set/B0: its material is bound for the purpose {purpose} only")
     assert line.endswith("displayColor is used (and 2 more like it)")
 
 
