@@ -14,7 +14,8 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class CameraRay:
-    """A ray from `origin`, which lies `near` behind the first clipping plane; surfaces beyond `reach` are not seen."""
+    """A ray from `origin`, which lies `near` behind the first clipping plane; surfaces beyond `reach` are not
+    visible."""
 
     origin: wp.vec3
     direction: wp.vec3

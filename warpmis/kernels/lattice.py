@@ -1,10 +1,9 @@
 """Low-discrepancy numbers: a rank-1 lattice over the samples that a pixel has in one round, shifted at random.
 
-What decides a path up to its first vertex, and the direction in which it leaves that, are the coordinates of one
-lattice point a sample, so that a round's samples fill the whole of picture, lens, lights and lobes evenly; what comes
-later is drawn from independent numbers, for there a lattice gains nothing. A function of (seed, pixel, round, sample):
-nothing is stored. Each point alone is uniform, so that no mean changes; the shifts of other rounds, pixels and seeds
-are independent.
+One lattice point a sample decides a path up to its first vertex, and the direction in which it leaves that vertex. So a
+round's samples cover picture, lens, lights and lobes evenly. All later decisions take independent numbers, because a
+lattice gains nothing there. The numbers are a function of (seed, pixel, round, sample), and nothing is stored. Each
+point by itself is uniform, so the estimate stays unbiased. Rounds, pixels and seeds have independent shifts.
 
 Reference: Cranley, Patterson (1976), "Randomization of Number Theoretic Methods for Multiple Integration".
 """
@@ -29,13 +28,13 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.func
 def choice(key: RngKey) -> float:
-    """The lattice's first coordinate, which is spread evenly over any samples in turn.
+    """The lattice's first coordinate, which is even over any consecutive samples.
 
-    It chooses strategy, light and lobe at the first vertex, and what is left of it is the first number of the
-    direction: so each strategy, light and lobe has samples of its own that are as even as all are together.
+    It chooses strategy, light and lobe at the first vertex. Remapped after each choice, it is the first number of the
+    direction. So the samples of each strategy, light and lobe are as even as all samples together.
 
-    A round that went on with the numbers of the last one would be biased: its shares are learned from samples whose
-    strategies tell where the sequence stands.
+    Each round starts a new sequence. A round that continued the last one's would be biased: its shares were learned
+    from samples that depend on where the sequence is.
     """
     shift = bits4(key.seed, key.pixel, key.round, CHOICE)[0]
     return to_unit(shift + (key.sample - key.round) * key.lattice[0])
@@ -63,8 +62,7 @@ def point4(key: RngKey, block: int) -> wp.vec4:
 def point4_of_step(key: RngKey, step: int, purpose: int) -> wp.vec4:
     """The numbers of one purpose at one step of a path: the lattice's at the first, else independent ones.
 
-    At a path's first vertex `choice` stands in for the first two numbers of LIGHT and SCATTER and the first of
-    DELTA_LIGHT, which are not to be used.
+    At a path's first vertex `choice` replaces the first two numbers of LIGHT and SCATTER and the first of DELTA_LIGHT.
     """
     if step > 0:
         return uniform4_of_step(key, step, purpose)

@@ -63,7 +63,7 @@ def make_learning(features: Features, path: SimpleNamespace) -> SimpleNamespace:
             F = path.record.direct
         sums = moments.add(sums, F, path.estimate.q)
         if wp.static(len(features.statistics) > 0):
-            # What a path costs that has no first vertex is the same whatever the shares are: it counts as late.
+            # The cost of a path without a first vertex does not depend on the shares: all of it is late cost.
             early_cost = ray_cost(path.record.early_rays, path.record.early_shadow_rays)
             late_cost = ray_cost(path.rays, path.shadow_rays) - early_cost
             if wp.static(features.learns_from_pairs):

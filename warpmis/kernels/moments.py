@@ -11,7 +11,7 @@ float64, where no radiance that float32 holds can overflow when squared.
 A method may ask for more (Method.statistics), Y being the luminance of F:
 
     mean        E[Y] and E[F^2]
-    posterior   E[Y a_s q_s]: the light that strategy s would claim for its own
+    posterior   E[Y a_s q_s]: the part of the light that strategy s samples
     candidates  for each share c of CANDIDATES, with F' = f / p_c: E[F'^2 p_c / p_a] and E[Y' q'_1 p_c / p_a], the
                 second moment of F' and the mean of its samples from the first strategy. The part of F that was found
                 after Russian roulette, F_l, answers to c as kernels/roulette.py says
@@ -48,7 +48,7 @@ wp.set_module_options({"enable_backward": False})
 # Cost of a shadow ray, in units of a path's ray with the vertex at its end: fitted by scripts/bench/cost.py.
 SHADOW_RAY_COST = wp.constant(0.5)
 
-# Shares of the first of two strategies that are held against each other.
+# Shares of the first of two strategies that are compared.
 CANDIDATES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
 

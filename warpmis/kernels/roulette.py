@@ -1,13 +1,13 @@
-"""Russian roulette: how likely a path is to go on, and what becomes of its light at other densities of its direction.
+"""Russian roulette: the probability that a path survives, and what its light would be with another density.
 
-From DEPTH bounces on, a path goes on with the probability of its throughput, MAX_SURVIVAL at most, and is divided by
-it. Let T be f / p of all its directions, without these divisions: after several roulettes it is alive with a
-probability of about s(T) = min(T, 1). With another density of its direction, p' = ratio p, it would have T / ratio and
-be alive with another probability. Of what it then finds, F_l, the second moment becomes
+From DEPTH bounces on, a path survives with the probability of its throughput, at most MAX_SURVIVAL, and is divided by
+it. Let T be the product of f / p of all its directions, without these divisions. After several roulettes the path is
+alive with a probability of about s(T) = min(T, 1). With another density of its direction, p' = ratio p, it would have
+T / ratio, and another probability. Let F_l be the light that it finds after that. Its second moment becomes
 
     E'[F_l'^2] = E[F_l^2 s(T) / s(T / ratio) / ratio] = E[F_l^2 s(T) / min(T, ratio)]
 
-which is E[F_l^2] as long as s(T) = T: such a path is as bright whatever p, and only as often alive as it is worth.
+which is E[F_l^2] as long as s(T) = T: with another p such a path is as bright as before, and alive more or less often.
 
 Reference: Arvo, Kirk (1990), "Particle Transport and Image Synthesis".
 """

@@ -1,4 +1,4 @@
-"""Which numbers a path is made of: those of all its decisions but the choice of strategy and Russian roulette."""
+"""The random numbers of a path's decisions, except for the choice of strategy and for Russian roulette."""
 
 from types import SimpleNamespace
 

@@ -5,8 +5,9 @@
     area      the lights at a distance               diffuse   the BSDF's diffuse lobe
     dome      the lights at infinity                 specular  the BSDF's specular lobes, coat included
 
-All densities are in solid angle and may be evaluated for any direction, whichever strategy drew it. A strategy that has
-nothing to sample at a point (no light faces it, no such lobe is there) draws from the BSDF instead: no sample is lost.
+All densities are in solid angle, and any of them can be evaluated for a direction that another strategy drew. A
+strategy may have nothing to sample at a point: no light faces it, or the BSDF has no such lobe. Then it draws from the
+BSDF, so that no sample is lost.
 """
 
 from types import SimpleNamespace
@@ -30,8 +31,8 @@ NO_STRATEGY = wp.constant(-1)
 def make_strategies(features: Features, surface: SimpleNamespace, lights: SimpleNamespace) -> SimpleNamespace:
     """Functions over the S = len(features.strategies) strategies; type vec_s.
 
-    choose, sample: a strategy, and a direction from it. vertex_densities: for a direction, what can be told of the
-    strategies' densities at the vertex; completed: the same with those of the lights, once the ray has met them.
+    choose, sample: a strategy, and a direction from it. vertex_densities: the strategies' densities for a direction, as
+    far as the vertex knows them; completed: the same with those of the lights, once the ray has met them.
     """
     names = features.strategies
     count = len(names)
@@ -121,7 +122,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
                 if wp.static(names[i] == "cosine"):
                     local = square_to_cosine_hemisphere(u[0], u[2])
                     is_bsdf = False
-                # The BSDF's sampler chooses its lobe by u[0]: a lobe alone is a part of that number's range.
+                # The BSDF's sampler chooses its lobe by u[0]: one lobe is a part of that number's range.
                 if wp.static(names[i] == "diffuse"):
                     if s.p_diffuse > 0.0:
                         u_lobe[0] = 0.0
@@ -138,7 +139,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
 
     @wp.func
     def vertex_densities(s: Surface, cos_theta: float, scattering: Scattering) -> vec_s:
-        """For a direction at the local height cos_theta; the BSDF's density stands in for the lights'."""
+        """For a direction with this cosine to the normal; the BSDF's density in place of the lights'."""
         p = vec_s()
         for i in range(wp.static(count)):
             p[i] = scattering.pdf_solid_angle

@@ -26,7 +26,7 @@ def make_emission(
 
     @wp.func
     def add(path: wp.ref[PathState], emission: wp.vec3):
-        """Add what the path brings of an emission."""
+        """Add an emission times the path's throughput."""
         radiance = wp.cw_mul(path.beta, emission)
         path.L += radiance
         record.emission(path, radiance)

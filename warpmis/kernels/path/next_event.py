@@ -1,6 +1,6 @@
 """Next-event estimation: a light sample and a BSDF sample, which share the direct light by the balance heuristic.
 
-This is what every vertex does that is no mirror, but for the first one where a mixture of the strategies stands in
+Every vertex that is not a mirror does this, except the first one where a kernel has a mixture of strategies
 (mixture.py). An estimator is a namespace of four functions; those that next-event estimation does not need do nothing.
 
 References: Kajiya (1986), "The Rendering Equation"; Veach (1997), section 9.2.2, the multi-sample model.

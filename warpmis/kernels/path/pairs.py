@@ -1,7 +1,7 @@
 """Next-event estimation that learns, at the first vertex that is no mirror, what a mixture would do there.
 
-The light sample and the BSDF sample are a pair of the strategies' directions, one of each; kernels/moments.py says what
-it tells of all mixtures of the two. The picture is that of next-event estimation.
+The light sample and the BSDF sample are a pair, one direction of each strategy. kernels/moments.py has the formulas
+from pairs to any mixture of the two. The picture is the same as with next-event estimation.
 """
 
 from types import SimpleNamespace

@@ -1,7 +1,7 @@
-"""What learning writes down of a path: the light that came by way of its first vertex, and what that light cost.
+"""What learning keeps of a path: the light that came by way of its first vertex, and the rays that it cost.
 
-The first vertex is the first one that is no mirror: there the strategies share the samples. Kernels that learn nothing
-have the functions of `no_record`, which do nothing.
+The first vertex is the first one that is not a mirror. There the strategies share the samples. Kernels that do not
+learn have the functions of `no_record`, which do nothing.
 """
 
 from types import SimpleNamespace

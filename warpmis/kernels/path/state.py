@@ -14,7 +14,7 @@ wp.set_module_options({"enable_backward": False})
 class FirstHit:
     """The camera's view of the first surface that does not let the ray pass: the auxiliary pictures' values.
 
-    is_surface: 0 where there is none, and the rest is 0 then, but for alpha, which is 1 for a light in view, too.
+    is_surface: 1, or 0 where there is none; then all else is 0, except alpha, which is also 1 for a light in view.
     """
 
     is_surface: int
