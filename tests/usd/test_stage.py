@@ -71,6 +71,14 @@ def test_empty_stage_is_an_error(text):
         load(text)
 
 
+@pytest.mark.parametrize("body", ['token visibility = "invisible"', 'uniform token purpose = "guide"'])
+def test_an_empty_stage_says_how_many_gprims_are_hidden(body):
+    with pytest.raises(StageError, match="; 3 gprims are invisible, of another purpose or left out"):
+        load("".join(f'def Cube "C{i}"\n{{\n{body}\n}}\n' for i in range(3)))
+    with pytest.raises(StageError, match=r"default, render$"):
+        load('def Xform "X"\n{\n}\n')
+
+
 def test_missing_file_is_one_clear_line(tmp_path, capfd):
     with pytest.raises(StageError) as caught:
         load_stage(tmp_path / "nowhere.usda")

@@ -158,7 +158,9 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
     name = Path(reading.stage.GetRootLayer().GetDisplayName()).name
     if not len(geometry.triangles) and not prototypes and not contents.lights:
         purposes = ", ".join(sorted(reading.purposes))
-        raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}", name)
+        hidden = sum(prim.IsA(UsdGeom.Gprim) for prim in reading.stage.Traverse()) - len(contents.boxes)
+        there = f"; {hidden} gprims are invisible, of another purpose or left out" if hidden > 0 else ""
+        raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}{there}", name)
     # What is traced through transforms does not emit.
     emissive = any(max(materials[index].mean_emission) > 0.0 for index in np.unique(geometry.materials))
     if not contents.light_prims and not emissive:
