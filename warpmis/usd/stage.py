@@ -80,8 +80,9 @@ def load_stage(
             RenderSettings', else `main_cam`, else the stage's first, else the view that Omniverse Kit saved, else one
             that frames the geometry.
         time: time code; None takes the stage's startTimeCode, or 0 where it is not authored, as in usdrecord.
-        width, height: image size [pixel]. If you give one, the other follows from the camera's aperture; None for both
-            takes the RenderSettings' resolution, or a width of 960.
+        width: image width [pixel]; it follows from the height and the camera's aperture if only that is given. None for
+            both takes the RenderSettings' resolution, or a width of 960.
+        height: image height [pixel]; it follows from the width if only that is given.
         purposes: purposes to render besides "default", from "render", "proxy" and "guide"; None takes the
             RenderSettings', or "render".
         render_settings: path of the RenderSettings prim; None takes the one that the stage's metadata name.
