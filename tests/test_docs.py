@@ -65,6 +65,17 @@ def test_a_page_shows_commands_that_parse(page: Path, capsys: pytest.CaptureFixt
             assert stop.code == 0, f"{command}: {capsys.readouterr().err}"  # --help and --version end, too
 
 
+def test_the_architecture_has_every_part_of_the_package() -> None:
+    """In the table of packages, and in the one of who may import whom."""
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    packages = {path.name for path in (ROOT / "warpmis").iterdir() if (path / "__init__.py").is_file()}
+    assert len(packages) > 10
+    assert {name for name in packages if f"| `{name}/` |" not in text} == set()
+    importers = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| ", text, flags=re.M)
+    named = {name for row in importers for name in re.findall(r"`(\w+)`", row)}
+    assert packages - named == set()
+
+
 def test_the_readme_shows_commands() -> None:
     assert len(commands(PAGES[0].read_text("utf-8"))) > 8
 
