@@ -187,6 +187,11 @@ def test_frame_all_frames_a_stage_that_has_cameras():
     assert any("frames the geometry" in note for note in scene.notes)
 
 
+def test_an_up_axis_that_is_none_of_usds_is_no_error():
+    top = dictionary("Top", "double3 position = (0, 0, 9)\ndouble radius = 3")
+    assert load(kit(top, "X", "/OmniverseKit_Top")).camera.orthographic
+
+
 CAMERAS = 'def Camera "First"\n{\n}\ndef Camera "Second"\n{\n}\n'
 
 

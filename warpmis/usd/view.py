@@ -117,7 +117,7 @@ def kit_view(reading: Reading) -> View | None:
     view = settings.get(name)
     if not isinstance(view, dict):
         return None
-    up_axis = str(UsdGeom.GetStageUpAxis(reading.stage))
+    up_axis = "Y" if UsdGeom.GetStageUpAxis(reading.stage) == UsdGeom.Tokens.y else "Z"
     look = _perspective(view) if name == "Perspective" else _along_axis(view, KIT_AXES[up_axis][name])
     if look is None:
         reading.warn("", f"customLayerData: cameraSettings: {name} has no position and target that make a view")
