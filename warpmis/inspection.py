@@ -246,8 +246,9 @@ def effects(scene: Scene) -> Iterator[Effect]:
     """Every effect, on or off, with the first prim that alone would call for it."""
     on = _names(detect(scene))
     callers: dict[str, str] = {}
+    by_one_prim = on - {"light_tree"}  # which takes many lights
     for path, part in parts(scene):
-        if len(callers) == len(on):
+        if by_one_prim <= callers.keys():
             break
         for name in _names(detect(part)) & on:
             callers.setdefault(name, path)

@@ -20,6 +20,7 @@ LIGHTS = Features(
     distant_light=True,
     dome_picture=True,
     delta_light=True,
+    light_tree=True,
     indirect=True,
 )
 CASES = {case.name: case for case in LIGHT_CASES}

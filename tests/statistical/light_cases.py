@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from statistical.lights import (
 )
 
 from warpmis.device.upload import DeviceScene, upload
-from warpmis.scene import Light, Scene
+from warpmis.scene import Light, Scene, features
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class Case:
     stray: float = 1e-4
     # Cells on the light's surface, see SurfaceGrid.
     by_surface: bool = False
+    # Lights chosen by a tree, however few; else one by one, however many.
+    by_tree: bool = False
 
 
 def one(make: Callable[..., Light], *arguments: Any, **options: Any) -> Case:
@@ -86,12 +89,25 @@ CASES: dict[str, Case] = {
     "all_kinds": Case(lambda: everything(dome()), yields=float(np.nan), overlaps=True),
     "all_kinds_and_picture": Case(lambda: everything(dome(starry_picture())), yields=float(np.nan), overlaps=True),
 }
+BY_TREE = (
+    "rect",
+    "ellipse_sheared",
+    "sphere",
+    "cylinder",
+    "mesh_one_sided",
+    "mesh_two_sided",
+    "mesh_lights",
+    "all_kinds",
+)
+CASES |= {f"{name}_by_tree": replace(CASES[name], by_tree=True) for name in (*BY_TREE, "all_kinds_and_picture")}
 SINGLE = [name for name, case in CASES.items() if not case.overlaps]
 
 
 @cache
 def device_scene(name: str) -> DeviceScene:
-    return upload(CASES[name].scene(), "cpu")
+    case = CASES[name]
+    with mock.patch.object(features, "FEW_LIGHTS", 0 if case.by_tree else 1000):
+        return upload(case.scene(), "cpu")
 
 
 def normal_of(name: str) -> NDArray[np.float64]:

@@ -79,23 +79,23 @@ def probe(
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, xs[i % xs.shape[0]], ns[i % ns.shape[0]], u[0])
+    r = lights.receiver(scene, xs[i % xs.shape[0]], ns[i % ns.shape[0]], 0, u[0], u[1])
     p = Probe()
     if mode != LOOK:
         s = lights.sample(scene, r, u)
         if mode == SAMPLE_FIRST:
-            s = lights.sample_light(scene, scene.lights[0], r, u)
+            s = lights.sample_light(scene, scene.lights[0], -1, r.x, r.n, u)
         wi[i] = s.wi
         p.sampled_pdf = s.pdf_solid_angle
         p.sampled_distance = s.distance
         p.sampled_luminance = s.radiance[1]
-    ray = lights.gather(scene, r, wi[i], near, far, 0.0)
+    ray = lights.gather(scene, r, wi[i], near, far, 0.0, True)
     finite = ray.finite + lights.pdf_emitter_triangles(scene, r, wi[i])
     p.pdf = lights.density(finite + ray.infinite, r.total)
     p.radiance = ray.radiance[1]
     p.hits = ray.hits
     p.hit_distance = lights.hit(scene.lights[0], r.x, wi[i]).distance
-    p.choice = lights.density(lights.importance(scene, scene.lights[0], r), r.total)
+    p.choice = lights.density(lights.importance_of(scene, r, 0), r.total)
     p.importance = light_importance(scene.lights[0], r.x, r.n)
     out[i] = p
 

@@ -77,7 +77,7 @@ def draw(
         d.q = strategies.one_strategy_ratios(allocation, d.strategy)
         vertex.u_light[0] = strategies.remapped(allocation, d.strategy, u_strategy)
         vertex.u_bsdf[0] = vertex.u_light[0]
-    r = lights.receiver(scene, x, n, vertex.u_light[0])
+    r = lights.receiver(scene, x, n, 0, vertex.u_light[0], vertex.u_light[1])
     vertex.frame = frame_from_normal(n)
     vertex.surface = surface.prepare(scene.materials[2 * material], wo)
     if strategy != LOOK:
@@ -88,7 +88,7 @@ def draw(
         # As the path does it: the vertex first, then what the ray meets, hidden lights included.
         scattering = surface.evaluate(vertex.surface, local)
         p = strategies.vertex_densities(vertex.surface, local[2], scattering)
-        ray = lights.gather(scene, r, wi, 0.0, INFINITE_DISTANCE, scattering.pdf_solid_angle)
+        ray = lights.gather(scene, r, wi, 0.0, INFINITE_DISTANCE, scattering.pdf_solid_angle, True)
         finite = ray.finite + lights.pdf_emitter_triangles(scene, r, wi)
         d.densities = strategies.completed(p, r, finite, ray.infinite)
         d.pdf_bsdf = scattering.pdf_solid_angle

@@ -93,11 +93,12 @@ def choose(
     key = rng.RngKey()
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
-    r = lights.receiver(scene, x, n, rng.uniform4(key, 0)[0])
+    u = rng.uniform4(key, 0)
+    r = lights.receiver(scene, x, n, 0, u[0], u[1])
     chosen[i] = r
     if i == 0:
         for k in range(scene.light_count):
-            of[k] = lights.importance(scene, scene.lights[k], r)
+            of[k] = lights.importance_of(scene, r, k)
 
 
 def crowd(count: int) -> list[Light]:
@@ -123,15 +124,16 @@ def test_each_light_is_chosen_in_proportion_to_its_importance(count: int) -> Non
     r, importance = chosen.numpy(), of.numpy().astype(float)
     # Every fifth sphere is below the horizon.
     assert (importance == 0.0).sum() == (7 if count == 40 else 0)
-    observed = np.bincount(r["chosen"], minlength=count).astype(float)
+    choice = r["choice"]
+    observed = np.bincount(choice["light"], minlength=count).astype(float)
     fit = chi_square(observed, importance / importance.sum() * COUNT)
     assert fit.p_value > SIGNIFICANCE, fit
     if count > 1:
         assert detectable_imbalance(fit.count, fit.dof, SIGNIFICANCE) < 0.02
-    np.testing.assert_array_equal(r["chosen_importance"], importance[r["chosen"]].astype(np.float32))
+    np.testing.assert_array_equal(choice["importance"], importance[choice["light"]].astype(np.float32))
     # What is left of the number is uniform for each light, and independent of the choice.
     for light in np.argsort(importance)[-3:]:
-        left = r["u_remapped"][r["chosen"] == light].astype(float)
+        left = choice["u_remapped"][choice["light"] == light].astype(float)
         assert left.min() >= 0.0 and left.max() < 1.0
         assert importance[light] == 0.0 or uniformity(left, 64).p_value > SIGNIFICANCE
     # What normalises the choice, in the two parts of the table.

@@ -19,7 +19,7 @@ from stats import DirectionGrid, Grid, detectable_imbalance, fit_directions, sid
 
 from warpmis.scene import CylinderLight, DiskLight, RectLight
 
-SIGNIFICANCE = sidak(0.01, 40)
+SIGNIFICANCE = sidak(0.01, len(CASES))
 DETECTABLE = 0.02
 
 
@@ -35,6 +35,8 @@ def grid_of(name: str) -> tuple[Grid, int]:
         return DirectionGrid(frame, 1.0 - np.cos(np.pi * np.arange(9) / 8), np.linspace(-np.pi, np.pi, 17)), 48
     wi, out = sampled(name, PILOT, seed=2)
     grid = DirectionGrid.fitted(wi[out["sampled_pdf"] > 0.0], np.linspace(0.0, 1.0, 13), sectors=12)
+    if CASES[name].by_tree:
+        return grid, 192  # triangles seen edge-on have samples, too
     return grid, 96 if CASES[name].overlaps else 40
 
 
@@ -54,7 +56,8 @@ def test_directions_have_the_density_that_rays_are_given(name: str) -> None:
     assert detectable_imbalance(fit.count, fit.dof, SIGNIFICANCE) < DETECTABLE
     yields = case.yields
     if np.isnan(yields):
-        assert 0 < missing < COUNT
+        assert missing < COUNT
+        assert missing > 0 or case.by_tree  # which knows an emitter's back
         yields = 1.0 - missing / COUNT
     # The quadrature's error, and where the yield is itself counted 4 standard errors of it.
     assert integral == pytest.approx(yields, abs=5e-3)

@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from warpmis.device.upload import DeviceScene
-from warpmis.device.views import ControlView, DomeView, FilmView, SceneView, VaryingView, WideTreeView
+from warpmis.device.views import ControlView, DomeView, FilmView, LightTreeView, SceneView, VaryingView, WideTreeView
 
 # What an array of a view is for; "geometry" where nothing else is said.
 PURPOSES = {
@@ -27,7 +27,15 @@ PURPOSES = {
     "lights": "lights",
     "delta_lights": "lights",
     "emitter_triangles": "lights",
+    "emitter_lights": "lights",
     "emitter_cdf": "lights",
+    "light_tree": "lights",
+    "rows": "lights",
+    "child_nodes": "lights",
+    "links": "lights",
+    "analytic": "lights",
+    "paths": "lights",
+    "prim_links": "lights",
     "instances": "instances",
     "controls": "light controls",
     "prims": "prims",
@@ -35,7 +43,7 @@ PURPOSES = {
     "copies": "ids",
     "dome": "dome",
 }
-STRUCTS: tuple[Any, ...] = (SceneView, WideTreeView, VaryingView, DomeView, ControlView, FilmView)
+STRUCTS: tuple[Any, ...] = (SceneView, WideTreeView, LightTreeView, VaryingView, DomeView, ControlView, FilmView)
 
 
 def scene_bytes(scene: DeviceScene) -> dict[str, int]:

@@ -1,38 +1,22 @@
-"""Scene lights as the records that kernels read."""
+"""The lights of a scene as tables, ready to upload: records, the mesh lights' triangles, the tree."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.device.environment import LUMINANCE, Environment, combine
-from warpmis.device.views import (
-    CYLINDER,
-    DELTA_DISTANT,
-    DELTA_POINT,
-    DISK,
-    DISTANT,
-    DOME,
-    MESH,
-    NO_LIGHT,
-    RECT,
-    SPHERE,
-    DeltaLightView,
-    LightView,
-)
-from warpmis.scene import (
-    CylinderLight,
-    DiskLight,
-    DistantLight,
-    DomeLight,
-    Light,
-    RectLight,
-    Scene,
-    SphereLight,
-)
-from warpmis.scene.features import is_delta, is_emissive
+from warpmis.device.environment import Environment, combine
+from warpmis.device.light_leaves import analytic_leaves, link_bits, triangle_leaves
+from warpmis.device.light_nodes import LightNodes, light_nodes
+from warpmis.device.light_records import FloatArray, delta_records, dome_record, light_records
+from warpmis.device.mesh import grown_boxes
+from warpmis.device.mesh_lights import MeshLights, mesh_lights
+from warpmis.device.struct_arrays import Records, blank
+from warpmis.device.views import LightView
+from warpmis.scene import DistantLight, DomeLight, Scene
+from warpmis.scene.features import has_light_tree, is_delta
 from warpmis.scene.geometry import Geometry
 from warpmis.scene.light_control import LightControl
 
@@ -40,161 +24,74 @@ from warpmis.scene.light_control import LightControl
 MIN_SHARE = 1e-20
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class LightTables:
     """The lights of a scene, ready to upload.
 
     Attributes:
-        lights, delta_lights: records; the lights at a distance come first, then those at infinity.
-        triangle_light: per triangle the mesh light that it belongs to, or NO_LIGHT, shape (F,) int32.
-        emitter_triangles, emitter_cdf: the mesh lights' triangles, one light after the other, with the cumulative
-            share of the light's area.
+        lights, delta_lights: records: first the analytic lights at a distance, `analytic` of them, then the mesh
+            lights, up to `finite`, then those at infinity.
+        mesh: the mesh lights, in the same order.
         environment: all domes as one, or None.
         controls: what is asked of each of the lights and then of the delta lights.
+        tree: over the analytic lights at a distance and then the triangles of the mesh lights, or None.
+        boxes: of the former, lower and upper corners, shape (analytic, 3) each, where there is a tree.
+        prim_links: per prim the bits of the lights that reach it, where there is a tree.
     """
 
-    lights: list[LightView] = field(default_factory=list)
-    delta_lights: list[DeltaLightView] = field(default_factory=list)
-    triangle_light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    emitter_triangles: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    emitter_cdf: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
-    environment: Environment | None = None
-    controls: list[LightControl] = field(default_factory=list)
+    lights: Records
+    delta_lights: Records
+    analytic: int
+    finite: int
+    mesh: MeshLights
+    environment: Environment | None
+    controls: list[LightControl]
+    tree: LightNodes | None = None
+    boxes: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+    prim_links: NDArray[np.uint32] | None = None
 
 
 def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""
-    tables = LightTables(triangle_light=np.full(len(geometry.triangles), NO_LIGHT, dtype=np.int32))
     domes = [light for light in scene.lights if isinstance(light, DomeLight)]
     delta = [light for light in scene.lights if is_delta(light)]
-    tables.delta_lights += [delta_record(light) for light in delta]
     extended = [light for light in scene.lights if not is_delta(light) and not isinstance(light, DomeLight)]
-    add_records(tables, [light for light in extended if not isinstance(light, DistantLight)])
-    add_mesh_lights(tables, scene, geometry)
-    add_records(tables, [light for light in extended if isinstance(light, DistantLight)])
-    if domes:
-        tables.environment = combine(domes)
-        dome = blank_record(DOME, tables.environment.radiance)
-        dome.luminance = tables.environment.luminance
-        tables.lights.append(dome)
-        tables.controls.append(domes[0].control)
-    tables.controls += [light.control for light in delta]
-    make_luminance_relative(tables.lights)
-    return tables
+    distant = [light for light in extended if isinstance(light, DistantLight)]
+    analytic = [light for light in extended if not isinstance(light, DistantLight)]
+    mesh = mesh_lights(scene, geometry)
+    environment = combine(domes) if domes else None
+    sky = blank(LightView, 0) if environment is None else dome_record(environment)
+    lights = np.concatenate([light_records(analytic), mesh.records, light_records(distant), sky])
+    lights["luminance"] = relative(lights["luminance"])
+    controls = [light.control for light in analytic] + mesh.controls + [light.control for light in distant]
+    tables = LightTables(
+        lights=lights,
+        delta_lights=delta_records(delta),
+        analytic=len(analytic),
+        finite=len(analytic) + len(mesh.records),
+        mesh=mesh,
+        environment=environment,
+        controls=controls + [dome.control for dome in domes[:1]] + [light.control for light in delta],
+    )
+    return with_tree(tables, len(scene.prims)) if has_light_tree(scene) else tables
 
 
-def make_luminance_relative(lights: list[LightView]) -> None:
+def relative(luminance: NDArray[np.float32]) -> FloatArray:
     """Luminance as a share of the brightest light's: the choice among lights needs no more, and float32 could not hold
     some lights' times their solid angle. The share stays above 0, or the light would never be sampled."""
-    brightest = max((light.luminance for light in lights), default=0.0)
-    for light in lights:
-        light.luminance = max(light.luminance / brightest, MIN_SHARE) if brightest > 0.0 else 1.0
+    found = luminance.astype(np.float64)
+    brightest = found.max(initial=0.0)
+    return np.maximum(found / brightest, MIN_SHARE) if brightest > 0.0 else np.ones_like(found)
 
 
-def add_records(tables: LightTables, lights: list[Light]) -> None:
-    for light in lights:
-        view = record(light)
-        view.luminance = float(np.dot(light.radiance * light.control.mean_share, LUMINANCE))
-        tables.lights.append(view)
-        tables.controls.append(light.control)
-
-
-def blank_record(kind: int, radiance: NDArray[np.float64]) -> LightView:
-    view = LightView()
-    view.kind = kind
-    view.radiance = tuple(radiance)
-    view.luminance = float(np.dot(radiance, LUMINANCE))
-    return view
-
-
-def record(light: Light) -> LightView:
-    """A light that has an extent, other than a dome."""
-    if isinstance(light, RectLight | DiskLight):
-        return flat_record(light)
-    if isinstance(light, SphereLight):
-        view = blank_record(SPHERE, light.radiance)
-        view.center = tuple(light.center)
-        view.radius = view.bound = light.radius
-        view.area = 4.0 * np.pi * light.radius**2
-        return view
-    if isinstance(light, CylinderLight):
-        half_length = float(np.linalg.norm(light.half_axis))
-        view = blank_record(CYLINDER, light.radiance)
-        view.center = tuple(light.center)
-        view.u = tuple(light.half_axis)
-        view.radius = light.radius
-        view.bound = float(np.hypot(half_length, light.radius))
-        view.area = 4.0 * np.pi * light.radius * half_length
-        return view
-    assert isinstance(light, DistantLight)
-    view = blank_record(DISTANT, light.radiance)
-    view.n = tuple(light.direction)
-    view.one_minus_cos = 2.0 * np.sin(0.5 * light.half_angle) ** 2
-    return view
-
-
-def flat_record(light: RectLight | DiskLight) -> LightView:
-    normal = np.cross(light.half_v, light.half_u)
-    length = float(np.linalg.norm(normal))
-    rect = isinstance(light, RectLight)
-    view = blank_record(RECT if rect else DISK, light.radiance)
-    view.center = tuple(light.center)
-    view.u = tuple(light.half_u)
-    view.v = tuple(light.half_v)
-    view.n = tuple(normal / length)
-    view.dual_u, view.dual_v = (tuple(row) for row in np.linalg.pinv(np.stack([light.half_u, light.half_v], axis=1)))
-    half_x, half_y = (float(np.linalg.norm(half)) for half in (light.half_u, light.half_v))
-    view.lengths = (half_x, half_y)
-    # A sheared rectangle is farthest at a corner; no point of an ellipse lies beyond the root of its axes' squares.
-    corner = max(np.linalg.norm(light.half_u + light.half_v), np.linalg.norm(light.half_u - light.half_v))
-    view.bound = float(corner if rect else np.hypot(half_x, half_y))
-    view.area = (4.0 if rect else np.pi) * length
-    view.samples_solid_angle = bool(rect and abs(light.half_u @ light.half_v) < 1e-6 * half_x * half_y)
-    return view
-
-
-def delta_record(light: Light) -> DeltaLightView:
-    view = DeltaLightView()
-    assert isinstance(light, SphereLight | DistantLight)
-    view.kind = DELTA_POINT if isinstance(light, SphereLight) else DELTA_DISTANT
-    view.vector = tuple(light.center if isinstance(light, SphereLight) else light.direction)
-    view.intensity = tuple(light.radiance)
-    view.luminance = float(np.dot(light.radiance, LUMINANCE))
-    return view
-
-
-def add_mesh_lights(tables: LightTables, scene: Scene, geometry: Geometry) -> None:
-    """One light for each pair of prim and emissive material."""
-    emissive = np.array([is_emissive(material) for material in scene.materials], dtype=bool)
-    if not emissive.any():  # a scene of lights alone has no materials at all
-        return
-    shining = np.flatnonzero(emissive[geometry.materials])
-    corners = geometry.points[geometry.triangles[shining]].astype(np.float64)
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    shining, areas, corners = shining[areas > 0.0], areas[areas > 0.0], corners[areas > 0.0]
-    if len(shining) == 0:
-        return
-    keys = geometry.prims[shining].astype(np.int64) * len(scene.materials) + geometry.materials[shining]
-    order = np.argsort(keys, kind="stable")
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    cdfs = []
-    for first, group in zip(starts, np.split(order, starts[1:]), strict=True):
-        triangle = shining[group[0]]
-        control = scene.prims[geometry.prims[triangle]].control
-        emission = np.array(scene.materials[geometry.materials[triangle]].mean_emission)
-        view = blank_record(MESH, emission)
-        view.luminance = float(np.dot(emission * control.mean_share, LUMINANCE))
-        points = corners[group].reshape(-1, 3)
-        center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        view.center = tuple(center)
-        view.bound = float(np.sqrt(((points - center) ** 2).sum(axis=1).max()))
-        view.area = float(areas[group].sum())
-        view.first, view.count = int(first), len(group)
-        view.two_sided = bool(scene.prims[geometry.prims[triangle]].double_sided)
-        tables.triangle_light[shining[group]] = len(tables.lights)
-        tables.lights.append(view)
-        tables.controls.append(control)
-        share = np.cumsum(areas[group])
-        cdfs.append((share / share[-1]).astype(np.float32))
-    tables.emitter_triangles = shining[order].astype(np.int32)
-    tables.emitter_cdf = np.concatenate(cdfs)
+def with_tree(tables: LightTables, prims: int) -> LightTables:
+    """The tables with a tree over the lights at a distance."""
+    links, prim_links = link_bits(tables.controls[: tables.finite], prims)
+    records, mesh, of_mesh = tables.lights[: tables.analytic], tables.mesh, tables.analytic + tables.mesh.lights
+    leaves = analytic_leaves(records, tables.controls, links[: tables.analytic])
+    boxes = grown_boxes(leaves.low, leaves.high)
+    if len(mesh.triangles):
+        luminance = tables.lights["luminance"][of_mesh].astype(np.float64)
+        two_sided = mesh.records["two_sided"][mesh.lights] != 0
+        leaves = leaves.then(triangle_leaves(mesh.corners, luminance, two_sided, links[of_mesh]))
+    return replace(tables, tree=light_nodes(leaves, tables.analytic), boxes=boxes, prim_links=prim_links)

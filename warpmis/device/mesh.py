@@ -51,6 +51,16 @@ def padded_boxes(
     return np.nextafter(low - pad, np.float32(-np.inf)), np.nextafter(high + pad, np.float32(np.inf))
 
 
+def grown_boxes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Boxes that a ray meets wherever it meets what is in the given ones, shape (n, 3) each: the same for things other
+    than triangles, which may be small against their distance, so that nothing bounds the growth."""
+    if len(low) == 0:
+        return low.astype(np.float32), high.astype(np.float32)
+    largest = np.maximum(np.abs(low).max(), np.abs(high).max())
+    pad = PAD * largest
+    return (low - pad).astype(np.float32), (high + pad).astype(np.float32)
+
+
 def watertight_meshes(
     points: NDArray[np.float32], triangles: NDArray[np.int32], first: Sequence[int], reaches: Sequence[float]
 ) -> tuple[list[wp.Mesh], wp.array]:

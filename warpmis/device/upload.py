@@ -19,21 +19,20 @@ from warpmis.device.material import MaterialTables, material_tables, texels_of, 
 from warpmis.device.mesh import front_normals, padded_boxes
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.start import start_warp
-from warpmis.device.struct_arrays import records
+from warpmis.device.struct_arrays import blank, records
 from warpmis.device.trees import upload_trees
 from warpmis.device.views import (
-    DISTANT,
-    DOME,
     FLAT,
-    NO_LIGHT,
     CameraView,
     ControlView,
     DeltaLightView,
     DomeView,
+    LightTreeView,
     LightView,
     SceneView,
     TriangleView,
     VaryingView,
+    vec8f,
 )
 from warpmis.errors import ConfigError
 from warpmis.scene import Camera, Scene
@@ -211,10 +210,10 @@ def upload_surfaces(
     # A material that emits on both sides of one prim and on the front alone of another needs a record for either.
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
-    light = np.full(len(geometry.triangles), NO_LIGHT, dtype=np.int32)
-    light[: len(tables.triangle_light)] = tables.triangle_light
+    emitter = np.full(len(geometry.triangles), -1, dtype=np.int32)
+    emitter[tables.mesh.triangles] = np.arange(len(tables.mesh.triangles))
     front = front_normals(geometry.points, geometry.triangles)
-    columns = {"n": front, "normals": geometry.normal_indices, "material": material, "light": light}
+    columns = {"n": front, "normals": geometry.normal_indices, "material": material, "emitter": emitter}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
     materials = material_tables(scene)
     texels = uploads.texels_of(materials, device) if uploads else upload_texels(materials, device)
@@ -225,9 +224,10 @@ def upload_surfaces(
 def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:
     """The lights into the view; what it then points into is returned, to be kept alive."""
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
-    view.finite_light_count = sum(light.kind not in (DISTANT, DOME) for light in tables.lights)
-    view.lights = wp.array(tables.lights or [LightView()], dtype=LightView)
-    if tables.delta_lights:
+    view.finite_light_count, view.analytic_light_count = tables.finite, tables.analytic
+    none = blank(LightView, 1)
+    view.lights = wp.array(tables.lights if len(tables.lights) else none, dtype=LightView)
+    if len(tables.delta_lights):
         view.delta_lights = wp.array(tables.delta_lights, dtype=DeltaLightView)
     controls = [control_view(control) for control in tables.controls] if any(c.asks for c in tables.controls) else []
     if controls:
@@ -235,14 +235,41 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
         view.prims = wp.array(geometry.prims, dtype=int)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
-    if len(tables.emitter_triangles) == 0:
-        return (controls,)
-    view.emitter_triangles = wp.array(tables.emitter_triangles, dtype=int)
-    view.emitter_cdf = wp.array(tables.emitter_cdf, dtype=float)
-    low, high = padded_boxes(geometry.points, geometry.triangles[tables.emitter_triangles])
+    trees = [*upload_light_tree(view, tables, bool(controls)), *upload_emitters(view, geometry, tables)]
+    return (*trees, controls)
+
+
+def upload_light_tree(view: SceneView, tables: LightTables, has_links: bool) -> list[wp.Bvh]:
+    """What chooses among many lights, and what rays meet the analytic ones through."""
+    if tables.tree is None or tables.boxes is None:
+        return []
+    nodes, tree_view = tables.tree, LightTreeView()
+    tree_view.rows = wp.array(nodes.rows, dtype=vec8f)
+    tree_view.child_nodes, tree_view.links = (wp.array(a.ravel(), dtype=int) for a in (nodes.children, nodes.links))
+    tree_view.analytic = wp.array(nodes.analytic, dtype=int)
+    tree_view.paths = wp.array(nodes.paths, dtype=wp.uint64)
+    view.light_tree = tree_view
+    if has_links and tables.prim_links is not None:
+        view.prim_links = wp.array(tables.prim_links.view(np.int32), dtype=int)
+    if tables.analytic == 0 or wp.get_device().is_cpu:  # whose rays go through the same nodes
+        return []
+    tree = wp.Bvh(*(wp.array(corners, dtype=wp.vec3) for corners in tables.boxes))
+    view.light_bvh = tree.id
+    return [tree]
+
+
+def upload_emitters(view: SceneView, geometry: Geometry, tables: LightTables) -> list[wp.Bvh]:
+    """The triangles of mesh lights."""
+    emitters = tables.mesh
+    if len(emitters.triangles) == 0:
+        return []
+    view.emitter_triangles = wp.array(emitters.triangles, dtype=int)
+    view.emitter_lights = wp.array((tables.analytic + emitters.lights).astype(np.int32), dtype=int)
+    view.emitter_cdf = wp.array(emitters.cdf, dtype=float)
+    low, high = padded_boxes(geometry.points, geometry.triangles[emitters.triangles])
     tree = wp.Bvh(wp.array(low, dtype=wp.vec3), wp.array(high, dtype=wp.vec3))
     view.emitter_bvh = tree.id
-    return tree, controls
+    return [tree]
 
 
 def dome_view(tables: LightTables, mis_compensation: bool) -> DomeView:

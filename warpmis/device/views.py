@@ -59,14 +59,14 @@ RGB = -1
 class TriangleView:
     """What a hit needs beside the position: one record a triangle.
 
-    n: unit normal of its front, 0 where it has none; normals: rows of SceneView.normals, or FLAT thrice;
-    light: index of the mesh light that the triangle belongs to, or NO_LIGHT.
+    n: unit normal of its front, 0 where it has none; normals: rows of SceneView.normals, or -1 for a flat triangle;
+    emitter: the row of SceneView.emitter_triangles that the triangle is, where it emits, or -1.
     """
 
     n: wp.vec3
     normals: wp.vec3i
     material: int
-    light: int
+    emitter: int
 
 
 @wp.struct
@@ -281,6 +281,18 @@ class WideTreeView:
 
 
 @wp.struct
+class LightTreeView:
+    """The tree by which lights are chosen, in nodes of eight children, with the fields of LightNodes
+    (device/light_nodes.py), children and links flat. No node at all where lights are weighed one by one."""
+
+    rows: wp.array(dtype=vec8f)
+    child_nodes: wp.array(dtype=int)
+    links: wp.array(dtype=int)
+    analytic: wp.array(dtype=int)
+    paths: wp.array(dtype=wp.uint64)
+
+
+@wp.struct
 class InstanceView:
     """A place of a prototype, whose triangles are the rows of SceneView.triangles from `first_triangle` on.
 
@@ -305,8 +317,11 @@ class SceneView:
     mesh: on a GPU, the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with
     points and normals in their own spaces. tree: on a CPU, of the same meshes; root: the node at which that of the
     triangles in world space begins. instance_bvh: over the boxes of `instances`, of which there may be none.
-    lights: first those at a distance, finite_light_count of them, then those at infinity; emitter_cdf: per triangle of
-    a mesh light the cumulative share of the light's area; controls: one for each of `lights`, then one for each of
+    lights: first those at a distance, finite_light_count of them, then those at infinity; the first
+    analytic_light_count are no mesh lights. emitter_triangles: the mesh lights' triangles; emitter_lights: the light of
+    each; emitter_cdf: the cumulative share of that light's area. light_tree: of many lights,
+    over the analytic ones and emitter_triangles; light_bvh: on a GPU, over the boxes of the analytic ones; prim_links:
+    per prim the bits of the lights that reach it. controls: one for each of `lights`, then one for each of
     `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls or
     ids are asked for; faces, copies: the same for ids;
     varying, cache: one record each, in an array so that the scene stays small: device functions take it by value.
@@ -328,6 +343,10 @@ class SceneView:
     lights: wp.array(dtype=LightView)
     light_count: int
     finite_light_count: int
+    analytic_light_count: int
+    light_tree: LightTreeView
+    light_bvh: wp.uint64
+    prim_links: wp.array(dtype=int)
     delta_lights: wp.array(dtype=DeltaLightView)
     delta_light_count: int
     controls: wp.array(dtype=ControlView)
@@ -336,6 +355,7 @@ class SceneView:
     copies: wp.array(dtype=int)
     emitter_bvh: wp.uint64
     emitter_triangles: wp.array(dtype=int)
+    emitter_lights: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)
     dome: DomeView
     cache: wp.array(dtype=CacheView)

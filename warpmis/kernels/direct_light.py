@@ -77,9 +77,9 @@ def make_direct_light(
         if luminance(scattering.f_cos) <= 0.0:
             return scattered
         if wp.static(features.controlled):
-            towards.radiance = wp.cw_mul(towards.radiance, lights.control.factor(scene, r.chosen, r, towards.wi))
+            towards.radiance = wp.cw_mul(towards.radiance, lights.control.factor(scene, r.choice.light, r, towards.wi))
             if wp.static(features.light_response):
-                response = lights.control.response(scene, r.chosen, scattering.diffuse)
+                response = lights.control.response(scene, r.choice.light, scattering.diffuse)
                 towards.radiance = wp.cw_mul(towards.radiance, response)
         scattered.wi = towards.wi
         scattered.distance = towards.distance
@@ -91,7 +91,7 @@ def make_direct_light(
     @wp.func
     def shadowed(scene: SceneView, r: wp.ref[Receiver], light: wp.ref[ScatteredLight]) -> wp.vec3:
         """f cos L of a light sample by its shadow ray."""
-        through = intersect.transmittance(scene, r.chosen, r.x, light.wi, light.distance * SHADOW_END)
+        through = intersect.transmittance(scene, r.choice.light, r.x, light.wi, light.distance * SHADOW_END)
         return wp.cw_mul(light.radiance, through)
 
     @wp.func

@@ -60,3 +60,73 @@ def max8(a: vec8f, b: vec8f) -> vec8f:
 def first_set_bit(mask: int) -> int:
     """The index of the lowest 1 in a mask that is not 0."""
     ...
+
+
+@wp.func_native("""
+    auto chosen = x;
+    for (int i = 0; i < 8; ++i)
+        chosen[i] = a[i] >= b[i] ? x[i] : y[i];
+    return chosen;
+""")
+def at_least(a: vec8f, b: vec8f, x: vec8f, y: vec8f) -> vec8f:
+    """x in the lanes in which a >= b, y in the others."""
+    ...
+
+
+@wp.func_native("""
+    auto root = a;
+    for (int i = 0; i < 8; ++i)
+        root[i] = sqrtf(a[i]);
+    return root;
+""")
+def square_roots(a: vec8f) -> vec8f:
+    """The square root of each lane, none of which is negative."""
+    ...
+
+
+@wp.func_native("""
+    bool found = false;
+    for (int i = 0; i < 8; ++i)
+        found |= a[i] > b;
+    return found;
+""")
+def any_above(a: vec8f, b: float) -> bool:
+    """Whether any lane is above b."""
+    ...
+
+
+@wp.func_native("""
+    double sums[8];
+    double sum = 0.0;
+    for (int i = 0; i < 8; ++i)
+        sums[i] = sum += a[i];
+    double target = u * sum;
+    int lane = 0;
+    int last = 0;
+    for (int i = 0; i < 8; ++i) {
+        lane += sums[i] <= target;
+        last = a[i] > 0.0f ? i : last;
+    }
+    lane = lane < 8 ? lane : last;
+    wp::vec_t<3, double> pick;
+    pick[0] = lane;
+    pick[1] = (target - (sums[lane] - a[lane])) / a[lane];
+    pick[2] = a[lane] / sum;
+    return pick;
+""")
+def pick_lane(a: vec8f, u: wp.float64) -> wp.vec3d:
+    """The lane in whose part of the sum of all lanes u lies, as a share of it in [0, 1); where in that part; and the
+    part's share. No lane is negative, and one at least is above 0."""
+    ...
+
+
+@wp.func_native("""
+    double sum = 0.0;
+    for (int i = 0; i < 8; ++i)
+        sum += a[i];
+    float share = a[lane] / sum;
+    return share;
+""")
+def share_of_lane(a: vec8f, lane: int) -> float:
+    """The lane's share of the sum of all, one of which at least is above 0."""
+    ...

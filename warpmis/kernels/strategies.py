@@ -78,9 +78,9 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
                 if wp.static(names[i] == "light"):
                     s = lights.sample(scene, r, u)
                 if wp.static(names[i] == "area"):
-                    s = lights.sample_range(scene, r, 0, scene.finite_light_count, r.finite, u)
+                    s = lights.sample_finite(scene, r, u)
                 if wp.static(names[i] == "dome"):
-                    s = lights.sample_range(scene, r, scene.finite_light_count, scene.light_count, r.infinite, u)
+                    s = lights.sample_infinite(scene, r, u)
         return s
 
     @wp.func

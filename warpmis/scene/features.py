@@ -8,12 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
 from warpmis.scene.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
 
 # Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
 SMOOTH_ALPHA = 1e-3
+
+# Up to so many lights are weighed one by one; measured by scripts/bench/many_lights.py.
+FEW_LIGHTS = 8
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,7 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
+        light_tree: so many lights that they are chosen by a tree, and rays meet them through one.
         shaping: lights that shine not alike in all directions; ies: those by a profile.
         light_pictures: rect lights with a picture; light_tints: geometry that lights in another color than it glows.
         light_response: lights that diffuse and specular lobes see differently.
@@ -50,6 +56,7 @@ class Features:
     dome_picture: bool = False
     mesh_light: bool = False
     delta_light: bool = False
+    light_tree: bool = False
     shaping: bool = False
     ies: bool = False
     light_pictures: bool = False
@@ -132,6 +139,15 @@ def is_delta(light: object) -> bool:
     return isinstance(light, DistantLight) and light.half_angle == 0.0
 
 
+def has_light_tree(scene: Scene) -> bool:
+    """Whether the lights at a distance, triangles that emit among them, are too many to weigh one by one."""
+    emits = np.array([is_emissive(material) for material in scene.materials] or [False])
+    triangles = int(emits[scene.geometry.materials].sum()) if len(scene.geometry.materials) else 0
+    at_infinity = DistantLight | DomeLight
+    analytic = sum(not is_delta(light) and not isinstance(light, at_infinity) for light in scene.lights)
+    return analytic + triangles > FEW_LIGHTS
+
+
 def light_controls(scene: Scene) -> list[LightControl]:
     """What is asked for of all lights, those made of geometry included."""
     return [light.control for light in scene.lights] + [prim.control for prim in scene.prims]
@@ -161,6 +177,7 @@ def detect(scene: Scene) -> Features:
         dome_picture=any(d.picture is not None for d in domes),
         mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
+        light_tree=has_light_tree(scene),
         shaping=any(control.shaping is not None for control in controls),
         ies=any(control.shaping is not None and control.shaping.ies is not None for control in controls),
         light_pictures=any(control.picture is not None for control in controls),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warpmis.device.light import record
+from warpmis.device.light_records import light_records
 from warpmis.scene import CylinderLight, DiskLight, RectLight
 
 WHITE = np.ones(3)
@@ -27,4 +27,4 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 1001)
     ids=["rect", "rect mirrored", "disk", "cylinder"],
 )
 def test_bound_holds_the_light(light: RectLight | DiskLight | CylinderLight, farthest: float) -> None:
-    assert farthest * (1.0 - 1e-6) <= record(light).bound <= 1.2 * farthest
+    assert farthest * (1.0 - 1e-6) <= light_records([light])["bound"][0] <= 1.2 * farthest

@@ -2,14 +2,22 @@
 
 The estimate, a light's importance, is a function of the shading point alone, so that the sampler and the density agree.
 It may be crude, but it must not be 0 where a light contributes: it bounds the receiver's cosine from above.
+
+A few lights are weighed one by one. Of many, those at a distance, triangles of mesh lights among them, are chosen by a
+tree (tree.py), whose root stands for all of them beside the lights at infinity.
 """
+
+from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import DISK, DISTANT, DOME, RECT, SPHERE, LightView, SceneView
+from warpmis.device.views import DISK, DISTANT, DOME, RECT, SPHERE, LightView, SceneView, vec8f
+from warpmis.kernels.lanes import all_eight
 from warpmis.kernels.light.records import NO_LIGHT, LightChoice, Receiver
+from warpmis.kernels.light.tree import make_light_tree
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.warps import PI
+from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 
@@ -51,13 +59,6 @@ def light_importance(light: LightView, x: wp.vec3, n: wp.vec3) -> float:
 
 
 @wp.func
-def importance(scene: SceneView, light: LightView, r: Receiver) -> float:
-    if scene.light_count == 1:
-        return 1.0
-    return light_importance(light, r.x, r.n)
-
-
-@wp.func
 def density(of_light: float, total: float) -> float:
     """Density among lights whose importances sum to `total`, from density times importance."""
     if total <= 0.0:
@@ -65,53 +66,133 @@ def density(of_light: float, total: float) -> float:
     return of_light / total
 
 
-@wp.func
-def is_turned_away(scene: SceneView, r: Receiver) -> bool:
-    """Whether there is a single light, which needs no choice, and it cannot reach r."""
-    if scene.light_count != 1:
+def make_choice(features: Features) -> SimpleNamespace:
+    """Functions: has_tree, first_weighed, importance, importance_of, leaf_importance, choose, choose_from_tree,
+    receiver; and those of `tree`."""
+    tree = make_light_tree(features)
+
+    @wp.func
+    def has_tree(scene: SceneView) -> bool:
+        if wp.static(features.light_tree):
+            return scene.light_tree.child_nodes.shape[0] > 0
         return False
-    return light_importance(scene.lights[0], r.x, r.n) <= 0.0
 
+    @wp.func
+    def first_weighed(scene: SceneView) -> int:
+        """The first of the lights that are weighed one by one; those before it are in the tree."""
+        return wp.where(has_tree(scene), scene.finite_light_count, 0)
 
-@wp.func
-def choose(scene: SceneView, r: Receiver, first: int, end: int, total: float, u: float) -> LightChoice:
-    """One of the lights first to end - 1, whose importances sum to `total`, in proportion to them."""
-    c = LightChoice()
-    c.light = NO_LIGHT
-    target = u * total
-    reached = float(0.0)
-    for i in range(first, end):
-        of_light = importance(scene, scene.lights[i], r)
-        # The last light with any importance stays chosen if rounding lets the sum fall short of the target.
-        if of_light > 0.0:
-            c.light = i
-            c.importance = of_light
-            c.u_remapped = wp.clamp((target - reached) / of_light, 0.0, ONE_MINUS_EPSILON)
-            reached += of_light
-            if reached > target:
-                break
-    return c
+    @wp.func
+    def importance(scene: SceneView, light: LightView, r: Receiver) -> float:
+        """Of a light that is weighed by itself."""
+        if scene.light_count == 1 and not has_tree(scene):
+            return 1.0
+        return light_importance(light, r.x, r.n)
 
+    @wp.func
+    def leaf_importance(scene: SceneView, r: Receiver, leaf: int) -> float:
+        """Of a light in the tree: its part of the root's."""
+        if r.finite <= 0.0:
+            return 0.0
+        return r.finite * tree.leaf_pmf(scene.light_tree, r, leaf)
 
-@wp.func
-def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, u: float) -> Receiver:
-    """Choose a light with u. Each light's part of the numbers is one interval, so that the remapped u is as evenly
-    spread over the light's samples as u is over all."""
-    r = Receiver()
-    r.x = x
-    r.n = n
-    r.chosen = NO_LIGHT
-    if is_turned_away(scene, r):
+    @wp.func
+    def importance_of(scene: SceneView, r: Receiver, index: int) -> float:
+        """Of any light but a mesh light in the tree, by its index."""
+        if wp.static(features.light_tree):
+            if index < first_weighed(scene):
+                return leaf_importance(scene, r, index)
+        return importance(scene, scene.lights[index], r)
+
+    @wp.func
+    def is_turned_away(scene: SceneView, r: Receiver) -> bool:
+        """Whether there is a single light, which needs no choice, and it cannot reach r."""
+        if scene.light_count != 1 or has_tree(scene):
+            return False
+        return light_importance(scene.lights[0], r.x, r.n) <= 0.0
+
+    @wp.func
+    def choose(scene: SceneView, r: Receiver, first: int, end: int, before: float, target: float) -> LightChoice:
+        """The one of the lights first to end - 1 at which the sum of importances, `before` that of the first, passes
+        the target."""
+        c = LightChoice()
+        c.light = NO_LIGHT
+        c.emitter = -1
+        reached = float(before)
+        for i in range(first, end):
+            of_light = importance(scene, scene.lights[i], r)
+            # The last light with any importance stays chosen if rounding lets the sum fall short of the target.
+            if of_light > 0.0:
+                c.light = i
+                c.importance = of_light
+                c.u_remapped = wp.clamp((target - reached) / of_light, 0.0, ONE_MINUS_EPSILON)
+                reached += of_light
+                if reached > target:
+                    break
+        return c
+
+    @wp.func
+    def choose_from_tree(scene: SceneView, r: Receiver, of_root: vec8f, u: float) -> LightChoice:
+        """One of the lights in the tree; of_root: importances of the root's children."""
+        leaf = tree.choose_leaf(scene.light_tree, r, of_root, u)
+        c = LightChoice()
+        c.light = leaf.leaf
+        c.emitter = -1
+        c.importance = r.finite * leaf.pmf
+        c.u_remapped = leaf.u_remapped
+        if wp.static(features.mesh_light):
+            if leaf.leaf >= scene.analytic_light_count:
+                c.emitter = leaf.leaf - scene.analytic_light_count
+                c.light = scene.emitter_lights[c.emitter]
+        return c
+
+    @wp.func
+    def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, prim: int, u: float, u_fine: float) -> Receiver:
+        """Choose a light with u. Each light's part of the numbers is one interval, so that the remapped u is as evenly
+        spread over the light's samples as u is over all. u_fine: see Receiver."""
+        r = Receiver()
+        r.x = x
+        r.n = n
+        r.is_surface = True
+        r.prim = prim
+        r.u_fine = u_fine
+        r.choice.light = NO_LIGHT
+        if is_turned_away(scene, r):
+            return r
+        of_root = vec8f()
+        if wp.static(features.light_tree):
+            if has_tree(scene):
+                r.links = -1
+                if wp.static(features.light_links):
+                    if scene.prim_links.shape[0] > 0:
+                        r.links = scene.prim_links[prim]
+                of_root = tree.importances(scene.light_tree, 0, r)
+                r.finite = wp.dot(of_root, all_eight(1.0))
+        in_tree = r.finite
+        first = first_weighed(scene)
+        for i in range(first, scene.light_count):
+            of_light = importance(scene, scene.lights[i], r)
+            if i < scene.finite_light_count:
+                r.finite += of_light
+            else:
+                r.infinite += of_light
+        r.total = r.finite + r.infinite
+        target = u * r.total
+        if wp.static(features.light_tree):
+            if target < in_tree:
+                r.choice = choose_from_tree(scene, r, of_root, target / in_tree)
+                return r
+        r.choice = choose(scene, r, first, scene.light_count, in_tree, target)
         return r
-    for i in range(scene.light_count):
-        of_light = importance(scene, scene.lights[i], r)
-        if i < scene.finite_light_count:
-            r.finite += of_light
-        else:
-            r.infinite += of_light
-    r.total = r.finite + r.infinite
-    choice = choose(scene, r, 0, scene.light_count, r.total, u)
-    r.chosen = choice.light
-    r.chosen_importance = choice.importance
-    r.u_remapped = choice.u_remapped
-    return r
+
+    return SimpleNamespace(
+        has_tree=has_tree,
+        first_weighed=first_weighed,
+        importance=importance,
+        importance_of=importance_of,
+        leaf_importance=leaf_importance,
+        choose=choose,
+        choose_from_tree=choose_from_tree,
+        tree=tree,
+        receiver=receiver,
+    )

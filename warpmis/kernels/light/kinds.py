@@ -10,7 +10,7 @@ from warpmis.kernels.light.disk import hit_disk, sample_disk
 from warpmis.kernels.light.distant import hit_distant, sample_distant
 from warpmis.kernels.light.dome import sample_dome_constant, sample_dome_picture
 from warpmis.kernels.light.mesh_light import make_mesh
-from warpmis.kernels.light.records import LightHit, LightSample, Receiver
+from warpmis.kernels.light.records import LightHit, LightSample
 from warpmis.kernels.light.rect import hit_rect, sample_rect
 from warpmis.kernels.light.sphere import hit_sphere, sample_sphere
 from warpmis.scene.features import Features
@@ -23,21 +23,23 @@ def make_kinds(features: Features) -> SimpleNamespace:
     mesh = make_mesh(features)
 
     @wp.func
-    def sample_light(scene: SceneView, light: LightView, r: Receiver, u: wp.vec4) -> LightSample:
-        """A direction towards one light. Density: given that the light was chosen."""
+    def sample_light(
+        scene: SceneView, light: LightView, emitter: int, x: wp.vec3, n: wp.vec3, u: wp.vec4
+    ) -> LightSample:
+        """A direction towards one light, or one of its triangles. Density: given that it was chosen."""
         s = LightSample()
         if wp.static(features.rect_light):
             if light.kind == RECT:
-                s = sample_rect(light, r.x, u[1], u[2])
+                s = sample_rect(light, x, u[1], u[2])
         if wp.static(features.disk_light):
             if light.kind == DISK:
-                s = sample_disk(light, r.x, u[1], u[2])
+                s = sample_disk(light, x, u[1], u[2])
         if wp.static(features.sphere_light):
             if light.kind == SPHERE:
-                s = sample_sphere(light, r.x, u[1], u[2])
+                s = sample_sphere(light, x, u[1], u[2])
         if wp.static(features.cylinder_light):
             if light.kind == CYLINDER:
-                s = sample_cylinder(light, r.x, u[1], u[2])
+                s = sample_cylinder(light, x, u[1], u[2])
         if wp.static(features.distant_light):
             if light.kind == DISTANT:
                 s = sample_distant(light, u[1], u[2])
@@ -46,10 +48,10 @@ def make_kinds(features: Features) -> SimpleNamespace:
                 s = sample_dome_picture(scene.dome, u[1], u[2])
         if wp.static(features.dome_constant):
             if light.kind == DOME and scene.dome.rows == 0:
-                s = sample_dome_constant(scene.dome, r.n, u[1], u[2])
+                s = sample_dome_constant(scene.dome, n, u[1], u[2])
         if wp.static(features.mesh_light):
             if light.kind == MESH:
-                s = mesh.sample(scene, light, r.x, u[3], u[1], u[2])
+                s = mesh.sample(scene, light, emitter, x, u)
         return s
 
     @wp.func

@@ -10,9 +10,8 @@ import warp as wp
 
 from warpmis.device.views import LightView, SceneView
 from warpmis.kernels.hit import NO_INSTANCE
-from warpmis.kernels.light.area import pdf_of_area
 from warpmis.kernels.light.dome import upper_bound
-from warpmis.kernels.light.records import LightHit, LightSample
+from warpmis.kernels.light.records import LightSample
 from warpmis.kernels.material import make_material
 from warpmis.kernels.warps import square_to_triangle
 from warpmis.scene.features import Features
@@ -30,15 +29,27 @@ def cos_emitted(light: LightView, normal: wp.vec3, wi: wp.vec3) -> float:
 
 
 @wp.func
-def pdf_mesh(light: LightView, normal: wp.vec3, wi: wp.vec3, distance: float) -> float:
-    return pdf_of_area(light, distance, cos_emitted(light, normal, wi))
+def pdf_mesh(light: LightView, area: float, normal: wp.vec3, wi: wp.vec3, distance: float) -> float:
+    """The density in solid angle of a point drawn uniformly from this area of a mesh light."""
+    cos_light = cos_emitted(light, normal, wi)
+    if cos_light <= 0.0:
+        return 0.0
+    return distance * distance / (cos_light * area)
 
 
 @wp.func
-def hit_emitter_triangle(scene: SceneView, light: LightView, triangle: int, x: wp.vec3, wi: wp.vec3) -> LightHit:
-    """Reference: Moller and Trumbore (1997), "Fast, Minimum Storage Ray-Triangle Intersection"."""
-    hit = LightHit()
-    hit.distance = -1.0
+def triangle_area(scene: SceneView, triangle: int) -> float:
+    corners = scene.indices[triangle]
+    p0 = scene.points[corners[0]]
+    return 0.5 * wp.length(wp.cross(scene.points[corners[1]] - p0, scene.points[corners[2]] - p0))
+
+
+@wp.func
+def hit_emitter_triangle(scene: SceneView, triangle: int, x: wp.vec3, wi: wp.vec3) -> float:
+    """The distance at which the ray meets the triangle; negative: it does not.
+
+    Reference: Moller and Trumbore (1997), "Fast, Minimum Storage Ray-Triangle Intersection".
+    """
     corners = scene.indices[triangle]
     p0 = scene.points[corners[0]]
     e1 = scene.points[corners[1]] - p0
@@ -46,17 +57,15 @@ def hit_emitter_triangle(scene: SceneView, light: LightView, triangle: int, x: w
     p = wp.cross(wi, e2)
     determinant = wp.dot(e1, p)
     if determinant == 0.0:
-        return hit
+        return -1.0
     o = x - p0
     b1 = wp.dot(o, p) / determinant
     q = wp.cross(o, e1)
     b2 = wp.dot(wi, q) / determinant
     t = wp.dot(e2, q) / determinant
-    if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0 or t <= 0.0:
-        return hit
-    hit.distance = t
-    hit.pdf_solid_angle = pdf_mesh(light, scene.triangles[triangle].n, wi, t)
-    return hit
+    if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
+        return -1.0
+    return t
 
 
 def make_mesh(features: Features) -> SimpleNamespace:
@@ -64,20 +73,27 @@ def make_mesh(features: Features) -> SimpleNamespace:
     materials = make_material(features)
 
     @wp.func
-    def sample(scene: SceneView, light: LightView, x: wp.vec3, pick: float, u: float, v: float) -> LightSample:
+    def sample(scene: SceneView, light: LightView, emitter: int, x: wp.vec3, u: wp.vec4) -> LightSample:
+        """A direction towards that row of emitter_triangles, or with -1 towards one that u[3] chooses by area."""
         s = LightSample()
-        triangle = scene.emitter_triangles[light.first + upper_bound(scene.emitter_cdf, light.first, light.count, pick)]
+        row = emitter
+        if emitter < 0:
+            row = light.first + upper_bound(scene.emitter_cdf, light.first, light.count, u[3])
+        triangle = scene.emitter_triangles[row]
         corners = scene.indices[triangle]
         p0 = scene.points[corners[0]]
         e1 = scene.points[corners[1]] - p0
         e2 = scene.points[corners[2]] - p0
-        b = square_to_triangle(u, v)
+        b = square_to_triangle(u[1], u[2])
         to_light = p0 + e1 * b[0] + e2 * b[1] - x
         s.distance = wp.length(to_light)
         if s.distance == 0.0:
             return s
         s.wi = to_light / s.distance
-        s.pdf_solid_angle = pdf_mesh(light, scene.triangles[triangle].n, s.wi, s.distance)
+        area = light.area
+        if emitter >= 0:
+            area = triangle_area(scene, triangle)
+        s.pdf_solid_angle = pdf_mesh(light, area, scene.triangles[triangle].n, s.wi, s.distance)
         s.radiance = light.radiance
         if wp.static(features.textures or features.vertex_colors):
             s.radiance = materials.at(scene, triangle, NO_INSTANCE, 1.0 - b[0] - b[1], b[0]).emission

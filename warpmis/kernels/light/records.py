@@ -22,9 +22,13 @@ class LightSample:
 
 @wp.struct
 class LightChoice:
-    """A light's index, or NO_LIGHT; its importance; and the number that chose it, remapped to [0, 1)."""
+    """A light's index, or NO_LIGHT; its importance; and the number that chose it, remapped to [0, 1).
+
+    emitter: where a triangle of a mesh light was chosen, its row in SceneView.emitter_triangles, else -1.
+    """
 
     light: int
+    emitter: int
     importance: float
     u_remapped: float
 
@@ -39,19 +43,35 @@ class LightHit:
 
 
 @wp.struct
+class RayStretch:
+    """The part (near, far] of a ray along wi from a receiver; far is INFINITE_DISTANCE where no surface ends it.
+
+    pdf: the density of the strategy that drew wi; whole_line: whether the density of all lights on the line is asked
+    for, hidden or not.
+    """
+
+    wi: wp.vec3
+    near: float
+    far: float
+    pdf: float
+    whole_line: bool
+
+
+@wp.struct
 class Receiver:
     """The point that asks for light, with a light chosen for it and what normalises that choice.
 
     total, finite, infinite: sums of the importances of all lights, of those at a distance, of those at infinity; 0
-    where none of them can be seen. chosen: a light in proportion to importance, or NO_LIGHT; u_remapped: the number
-    that chose it, remapped to [0, 1). A single light needs no choice: its importance counts as 1.
+    where none of them can be seen. choice: a light in proportion to importance; u_fine: what lies between the
+    steps of the number that chose it, in units of these. A single light needs no choice: its importance counts as 1.
 
     drawn: index of the light that the ray from x was drawn towards; drawn_distance, drawn_pdf: where it meets that
     light, and with which density the light's sampler drew it, 0 for a ray that was drawn otherwise. The ray's direction
     is rounded, and a light that is small or seen edge-on would be missed: what was drawn counts as hit.
 
-    is_surface: False for the camera; prim: index of the prim at x. Both are set where lights are controlled. diffuse:
-    the diffuse lobe's share of what the surface scatters from the ray's direction, per color.
+    is_surface: False for the camera; prim: index of the prim at x, set where lights are controlled; links: bits of the
+    lights that may reach it, as in LightLeaves. diffuse: the diffuse lobe's share of what the surface scatters from the
+    ray's direction, per color.
     """
 
     x: wp.vec3
@@ -59,12 +79,12 @@ class Receiver:
     total: float
     finite: float
     infinite: float
-    chosen: int
-    chosen_importance: float
-    u_remapped: float
+    choice: LightChoice
+    u_fine: float
     drawn: int
     drawn_distance: float
     drawn_pdf: float
     is_surface: bool
     prim: int
+    links: int
     diffuse: wp.vec3

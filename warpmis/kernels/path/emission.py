@@ -8,10 +8,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import NO_LIGHT, MaterialView, SceneView
+from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels.hit import Hit
-from warpmis.kernels.light.choice import density, importance
-from warpmis.kernels.light.mesh_light import pdf_mesh
+from warpmis.kernels.light.choice import density
 from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.mis import balance_weight
 from warpmis.scene.features import Features
@@ -20,7 +19,7 @@ wp.set_module_options({"enable_backward": False})
 
 
 def make_emission(
-    features: Features, PathState: type, control: SimpleNamespace, record: SimpleNamespace
+    features: Features, PathState: type, lights: SimpleNamespace, record: SimpleNamespace
 ) -> SimpleNamespace:
     """Functions: add, of_lights, of_surface."""
 
@@ -41,10 +40,10 @@ def make_emission(
     @wp.func
     def controlled(scene: SceneView, path: wp.ref[PathState], light: int, emission: wp.vec3) -> wp.vec3:
         """What the light's controls make of it for the last vertex."""
-        factor = control.factor(scene, light, path.receiver, path.wi)
+        factor = lights.control.factor(scene, light, path.receiver, path.wi)
         if wp.static(features.light_response):
             if path.receiver.is_surface:
-                factor = wp.cw_mul(factor, control.response(scene, light, path.receiver.diffuse))
+                factor = wp.cw_mul(factor, lights.control.response(scene, light, path.receiver.diffuse))
         return wp.cw_mul(emission, factor)
 
     @wp.func
@@ -52,15 +51,14 @@ def make_emission(
         scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], material: MaterialView, distance: float
     ) -> wp.vec3:
         """That of a mesh light, `distance` from the last vertex; 0 of all other surfaces, and behind one-sided ones."""
-        index = scene.triangles[hit.triangle].light
-        if index == NO_LIGHT or (not hit.is_front and not material.double_sided):
+        emitter = scene.triangles[hit.triangle].emitter
+        if emitter < 0 or (not hit.is_front and not material.double_sided):
             return wp.vec3(0.0, 0.0, 0.0)
         emission = material.emission
         if wp.static(features.controlled):
-            emission = controlled(scene, path, index, emission)
+            emission = controlled(scene, path, scene.emitter_lights[emitter], emission)
         if path.weighs_emission:
-            light = scene.lights[index]
-            of_light = pdf_mesh(light, hit.ng, path.wi, distance) * importance(scene, light, path.receiver)
+            of_light = lights.emitter_density(scene, path.receiver, emitter, hit.ng, path.wi, distance)
             emission = emission * balance_weight(path.pdf, density(of_light, path.receiver.total))
         return emission
 

@@ -61,7 +61,7 @@ def make_guided_estimate() -> type:
 def make_guided(
     PathState: type, vec_s: type, surface: SimpleNamespace, direct_light: SimpleNamespace, record: SimpleNamespace
 ) -> SimpleNamespace:
-    """The estimator: begin, scatter, keep_densities, survives, weigh_ray."""
+    """The estimator: begin, scatter, keep_densities, survives, asks_whole_line, weigh_ray."""
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -146,9 +146,18 @@ def make_guided(
         return vertex.u_cache[2] < survival
 
     @wp.func
+    def asks_whole_line(path: wp.ref[PathState]) -> bool:
+        return False
+
+    @wp.func
     def weigh_ray(scene: SceneView, path: wp.ref[PathState], on_ray: wp.ref[LightsOnRay]) -> bool:
         return True
 
     return SimpleNamespace(
-        begin=begin, scatter=scatter, keep_densities=keep_densities, survives=survives, weigh_ray=weigh_ray
+        begin=begin,
+        scatter=scatter,
+        keep_densities=keep_densities,
+        survives=survives,
+        asks_whole_line=asks_whole_line,
+        weigh_ray=weigh_ray,
     )

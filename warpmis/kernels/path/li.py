@@ -49,7 +49,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     record = estimator.record
     PathState = estimator.PathState
     vec_s = estimator.strategies.vec_s
-    emission = make_emission(features, PathState, lights.control, record)
+    emission = make_emission(features, PathState, lights, record)
     specular = make_specular(features, PathState, lights)
     vertices = make_vertex(features, PathState, surface, lights, direct_light)
     throughput = make_throughput(features, surface, estimator)
@@ -89,7 +89,15 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
                 distance += path.travelled
 
             # Find the lights on the way there, with which the density of the ray's direction is known at last.
-            on_ray = lights.gather(scene, path.receiver, path.wi, path.travelled, distance, path.pdf)
+            on_ray = lights.gather(
+                scene,
+                path.receiver,
+                path.wi,
+                path.travelled,
+                distance,
+                path.pdf,
+                estimator.asks_whole_line(path),
+            )
             if not estimator.weigh_ray(scene, path, on_ray):
                 break
 

@@ -46,7 +46,7 @@ def make_estimate(vec_s: type) -> type:
 def make_densities(
     features: Features, PathState: type, strategies: SimpleNamespace, lights: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions keep, complete: the strategies' densities of the first vertex' direction, whatever drew it."""
+    """Functions keep, complete, asks_whole_line: densities of the first vertex' direction, whatever drew it."""
 
     @wp.func
     def keep(path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
@@ -63,7 +63,11 @@ def make_densities(
         path.estimate.densities = strategies.completed(path.estimate.densities, path.receiver, finite, on_ray.infinite)
         path.estimate.is_pending = False
 
-    return SimpleNamespace(keep=keep, complete=complete)
+    @wp.func
+    def asks_whole_line(path: wp.ref[PathState]) -> bool:
+        return path.estimate.is_pending
+
+    return SimpleNamespace(keep=keep, complete=complete, asks_whole_line=asks_whole_line)
 
 
 def make_mixture(
@@ -118,4 +122,10 @@ def make_mixture(
             path.beta = path.beta / p_a
         return True
 
-    return SimpleNamespace(begin=begin, scatter=scatter, keep_densities=densities.keep, weigh_ray=weigh_ray)
+    return SimpleNamespace(
+        begin=begin,
+        scatter=scatter,
+        keep_densities=densities.keep,
+        asks_whole_line=densities.asks_whole_line,
+        weigh_ray=weigh_ray,
+    )

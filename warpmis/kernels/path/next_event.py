@@ -1,7 +1,7 @@
 """Next-event estimation: a light sample and a BSDF sample, which share the direct light by the balance heuristic.
 
 Every vertex that is not a mirror does this, except the first one where a kernel has a mixture of strategies
-(mixture.py). An estimator is a namespace of four functions; those that next-event estimation does not need do nothing.
+(mixture.py). An estimator is a namespace of five functions; those that next-event estimation does not need do nothing.
 
 References: Kajiya (1986), "The Rendering Equation"; Veach (1997), section 9.2.2, the multi-sample model.
 """
@@ -29,7 +29,7 @@ class NoEstimate:
 def make_next_event(
     PathState: type, vec_s: type, surface: SimpleNamespace, direct_light: SimpleNamespace
 ) -> SimpleNamespace:
-    """The estimator: begin, scatter, keep_densities, weigh_ray."""
+    """The estimator: begin, scatter, keep_densities, asks_whole_line, weigh_ray."""
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -62,6 +62,11 @@ def make_next_event(
         """Keep what is needed of the vertex until the ray has met its lights."""
 
     @wp.func
+    def asks_whole_line(path: wp.ref[PathState]) -> bool:
+        """Whether the density of the ray's direction needs all lights on its line, also those hidden."""
+        return False
+
+    @wp.func
     def weigh_ray(scene: SceneView, path: wp.ref[PathState], on_ray: wp.ref[LightsOnRay]) -> bool:
         """Divide by the density of the ray, where it is known only now; False where the path ends here."""
         return True
@@ -70,6 +75,7 @@ def make_next_event(
         begin=begin,
         scatter=scatter,
         keep_densities=keep_densities,
+        asks_whole_line=asks_whole_line,
         weigh_ray=weigh_ray,
         add_light_sample=add_light_sample,
         draw_direction=draw_direction,

@@ -45,4 +45,10 @@ def make_pairs(
             path.estimate.q = p / (p[wp.static(bsdf)] + p[wp.static(light)])
         return True
 
-    return SimpleNamespace(begin=next_event.begin, scatter=scatter, keep_densities=densities.keep, weigh_ray=weigh_ray)
+    return SimpleNamespace(
+        begin=next_event.begin,
+        scatter=scatter,
+        keep_densities=densities.keep,
+        asks_whole_line=densities.asks_whole_line,
+        weigh_ray=weigh_ray,
+    )

@@ -60,13 +60,13 @@ def make_vertex(
         vertex.ng = hit.ng
         vertex.frame = frame
         vertex.surface = surface.prepare(material, wo)
-        path.receiver = lights.receiver(scene, path.origin, frame.n, vertex.u_light[0])
+        prim = int(0)
         if wp.static(features.controlled):
-            path.receiver.is_surface = True
-            path.receiver.prim = lights.control.prim_of(scene, hit)
+            prim = lights.control.prim_of(scene, hit)
+        path.receiver = lights.receiver(scene, path.origin, frame.n, prim, vertex.u_light[0], vertex.u_light[1])
         if not path.has_scattered:
             # What the choices leave of their number serves as the first number of the direction.
-            vertex.u_light[1] = path.receiver.u_remapped
+            vertex.u_light[1] = path.receiver.choice.u_remapped
             vertex.u_bsdf[1] = surface.remapped(vertex.surface, vertex.u_bsdf[0])
         return vertex
 

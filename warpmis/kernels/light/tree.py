@@ -1,0 +1,212 @@
+"""The choice among many lights: by a tree, in proportion at each turn to an estimate of what each child brings.
+
+The estimate takes the lights of a child for a ball of uniform density in their box. It is 0 only where none of them can
+bring anything, and it is a function of the receiver alone, so that the probability of what was chosen can be told. The
+cost of either grows with the logarithm of the lights' number. A node has eight children, which a CPU weighs at once.
+
+References: Conty Estevez, Kulla (2018), "Importance Sampling of Many Lights with Adaptive Tree Splitting"; Pharr,
+Jakob, Humphreys (2023), "Physically Based Rendering", 4th edition, section 12.6.3: cones, the path as bits.
+"""
+
+from types import SimpleNamespace
+
+import warp as wp
+
+from warpmis.device.views import LightTreeView, vec8f
+from warpmis.kernels.lanes import (
+    all_eight,
+    any_above,
+    at_least,
+    greater,
+    lesser,
+    pick_lane,
+    share_of_lane,
+    square_roots,
+)
+from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.rng import ONE_MINUS_EPSILON
+from warpmis.scene.features import Features
+
+wp.set_module_options({"enable_backward": False})
+
+# Rows of LightTreeView.rows a node, and in which place each stands (device/light_nodes.py: COLUMNS).
+ROWS = wp.constant(19)
+CENTER = wp.constant(0)
+HALF = wp.constant(3)
+MEAN = wp.constant(6)
+RADIUS2 = wp.constant(9)
+WEIGHT = wp.constant(10)
+LEAST = wp.constant(11)
+AXIS = wp.constant(12)
+COS_CONE = wp.constant(15)
+SIN_CONE = wp.constant(16)
+DIRECTED = wp.constant(17)
+TWO_SIDED = wp.constant(18)
+
+# Horizons are lower by this share of what stands above them, so that rounding hides no light.
+HORIZON_SLACK = wp.constant(1.0e-5)
+# Under a square root or a fraction bar nothing is smaller.
+TINY = wp.constant(1.0e-35)
+# No child weighs less, and no child's row is 0.
+LIGHTEST = wp.constant(5.0e-38)
+# No estimate counts as more: the sum of eight is to be finite.
+MOST = wp.constant(1.0e30)
+FINE_STEP = wp.constant(2.0**-24)
+
+
+@wp.struct
+class LeafChoice:
+    """A leaf of the tree, or -1; its probability; and the number that chose it, remapped to [0, 1)."""
+
+    leaf: int
+    pmf: float
+    u_remapped: float
+
+
+@wp.func
+def mean_above(middle: vec8f, reach: vec8f) -> vec8f:
+    """Means of max(t, 0) over t spread evenly from middle - reach to middle + reach; 0 only if all are below."""
+    wide = greater(reach + wp.abs(middle) * HORIZON_SLACK, all_eight(TINY))
+    highest = greater(middle + wide, all_eight(0.0))
+    # Where the lowest is above 0 the mean is the middle, else the triangle's: highest^2 / (4 wide).
+    return at_least(middle, wide, middle, wp.cw_div(wp.cw_mul(highest, highest), wide * 4.0))
+
+
+@wp.func
+def along(x: vec8f, y: vec8f, z: vec8f, n: wp.vec3) -> vec8f:
+    return x * n[0] + y * n[1] + z * n[2]
+
+
+@wp.func
+def dots(ax: vec8f, ay: vec8f, az: vec8f, bx: vec8f, by: vec8f, bz: vec8f) -> vec8f:
+    return wp.cw_mul(ax, bx) + wp.cw_mul(ay, by) + wp.cw_mul(az, bz)
+
+
+@wp.func
+def seen_under(tree: LightTreeView, row: int, middle: vec8f, d2: vec8f) -> vec8f:
+    """Above 0 for children whose box reaches into the cone of directions that they emit in; `middle` is the box's
+    middle along the cone's axis, as the receiver sees it, d2 its squared distance."""
+    one = all_eight(1.0)
+    hx = tree.rows[row + HALF]
+    hy = tree.rows[row + HALF + 1]
+    hz = tree.rows[row + HALF + 2]
+    r2 = dots(hx, hy, hz, hx, hy, hz)
+    cos_cone = tree.rows[row + COS_CONE]
+    cosine = wp.cw_div(-middle, square_roots(d2))
+    sine = square_roots(greater(one - wp.cw_mul(cosine, cosine), all_eight(0.0)))
+    # The box is seen within the angle asin(r / d): is the cone's edge farther away than that?
+    cos_apart = wp.cw_mul(cosine, cos_cone) + wp.cw_mul(sine, tree.rows[row + SIN_CONE])
+    cos_box = square_roots(greater(one - wp.cw_div(r2, d2), all_eight(0.0))) - one * HORIZON_SLACK
+    inside = at_least(cosine, cos_cone, one, at_least(cos_apart, cos_box, one, all_eight(0.0)))
+    inside = at_least(r2, d2, one, inside)
+    return at_least(all_eight(-1.0), cos_cone, one, inside)
+
+
+@wp.func
+def emitted(tree: LightTreeView, row: int, middle: vec8f, inverse: vec8f) -> vec8f:
+    """The children's intensity towards the receiver over that of bodies that show each of their sides alike."""
+    hx = tree.rows[row + HALF]
+    hy = tree.rows[row + HALF + 1]
+    hz = tree.rows[row + HALF + 2]
+    ax = tree.rows[row + AXIS]
+    ay = tree.rows[row + AXIS + 1]
+    az = tree.rows[row + AXIS + 2]
+    reach = dots(hx, hy, hz, wp.abs(ax), wp.abs(ay), wp.abs(az))
+    one = all_eight(1.0)
+    front = mean_above(-middle, reach)
+    both = (front + mean_above(middle, reach)) * 0.5
+    facing = at_least(tree.rows[row + TWO_SIDED], one, both, front)
+    cosine = lesser(wp.cw_mul(facing, inverse), one)
+    return one + wp.cw_mul(tree.rows[row + DIRECTED], cosine * 4.0 - one)
+
+
+@wp.func
+def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) -> vec8f:
+    """Estimated irradiances [luminance nit sr] of a node's children at x with unit normal n facing the viewer."""
+    row = node * ROWS
+    one = all_eight(1.0)
+    zero = all_eight(0.0)
+    dx = tree.rows[row + CENTER] - one * x[0]
+    dy = tree.rows[row + CENTER + 1] - one * x[1]
+    dz = tree.rows[row + CENTER + 2] - one * x[2]
+    reach = along(tree.rows[row + HALF], tree.rows[row + HALF + 1], tree.rows[row + HALF + 2], wp.abs(n))
+    above = mean_above(along(dx, dy, dz, n), reach)
+    mx = tree.rows[row + MEAN] - one * x[0]
+    my = tree.rows[row + MEAN + 1] - one * x[1]
+    mz = tree.rows[row + MEAN + 2] - one * x[2]
+    radius2 = tree.rows[row + RADIUS2]
+    d2 = dots(mx, my, mz, mx, my, mz)
+    size2 = greater(d2 + radius2, all_eight(TINY))
+    square = wp.cw_div(one, size2)
+    inverse = square_roots(square)
+    # Mean of 1 / distance^2 over the ball: exact at its middle, on its surface and far away, between them nearly.
+    far = wp.cw_mul(d2, square)
+    near = wp.cw_mul(radius2, square)
+    spread = greater(wp.cw_mul(near, near) + wp.cw_mul(far, far) * 3.0, all_eight(TINY))
+    brought = wp.cw_div(wp.cw_mul(tree.rows[row + WEIGHT] * 3.0, square), spread)
+    brought = wp.cw_mul(brought, lesser(wp.cw_mul(above, inverse), one))
+    # Of bodies that emit in all directions alike that is all.
+    if any_above(tree.rows[row + COS_CONE], -1.0) or any_above(tree.rows[row + DIRECTED], 0.0):
+        middle = dots(dx, dy, dz, tree.rows[row + AXIS], tree.rows[row + AXIS + 1], tree.rows[row + AXIS + 2])
+        brought = wp.cw_mul(brought, emitted(tree, row, middle, inverse))
+        seen = seen_under(tree, row, middle, greater(dots(dx, dy, dz, dx, dy, dz), all_eight(TINY)))
+        above = wp.cw_mul(above, seen)
+    return at_least(zero, above, zero, lesser(greater(brought, tree.rows[row + LEAST]), all_eight(MOST)))
+
+
+def make_light_tree(features: Features) -> SimpleNamespace:
+    """Functions of the tree: importances, choose_leaf, leaf_pmf."""
+
+    @wp.func
+    def importances(tree: LightTreeView, node: int, r: Receiver) -> vec8f:
+        """Of the node's children; 0 for those whose lights do not reach the receiver's prim."""
+        found = children_importance(tree, node, r.x, r.n)
+        if wp.static(features.light_links):
+            for i in range(8):
+                if (tree.links[8 * node + i] & r.links) == 0:
+                    found[i] = 0.0
+        if node > 0 and not any_above(found, 0.0):
+            # The node's own box, cone or bits promised what none of its children has: whichever, it brings nothing.
+            found = at_least(tree.rows[node * ROWS + WEIGHT], all_eight(LIGHTEST), all_eight(1.0), all_eight(0.0))
+        return found
+
+    @wp.func
+    def choose_leaf(tree: LightTreeView, r: Receiver, of_root: vec8f, u: float) -> LeafChoice:
+        """A light by the number u, whose last digits, which many turns use up, come from r.u_fine; leaf -1 where none
+        brings anything. of_root: importances of the root's children."""
+        c = LeafChoice()
+        c.leaf = -1
+        c.pmf = 1.0
+        left = wp.float64(u) + wp.float64(r.u_fine) * wp.float64(FINE_STEP)
+        node = int(0)
+        found = of_root
+        if not any_above(found, 0.0):
+            return c
+        while node >= 0:
+            pick = pick_lane(found, left)
+            left = wp.clamp(pick[1], wp.float64(0.0), wp.float64(1.0))
+            c.pmf *= float(pick[2])
+            node = tree.child_nodes[8 * node + int(pick[0])]
+            if node >= 0:
+                found = importances(tree, node, r)
+        c.leaf = -1 - node
+        c.u_remapped = wp.clamp(float(left), 0.0, ONE_MINUS_EPSILON)
+        return c
+
+    @wp.func
+    def leaf_pmf(tree: LightTreeView, r: Receiver, leaf: int) -> float:
+        """The probability with which choose_leaf takes the leaf."""
+        pmf = float(1.0)
+        path = tree.paths[leaf]
+        node = int(0)
+        while node >= 0:
+            found = importances(tree, node, r)
+            if not any_above(found, 0.0):
+                return 0.0
+            turn = int(path & wp.uint64(7))
+            pmf *= share_of_lane(found, turn)
+            path = path >> wp.uint64(3)
+            node = tree.child_nodes[8 * node + turn]
+        return pmf
+
+    return SimpleNamespace(importances=importances, choose_leaf=choose_leaf, leaf_pmf=leaf_pmf)
