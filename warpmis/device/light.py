@@ -61,7 +61,9 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     mesh = mesh_lights(scene, geometry)
     environment = combine(domes) if domes else None
     sky = blank(LightView, 0) if environment is None else dome_record(environment)
-    lights = np.concatenate([light_records(analytic), mesh.records, light_records(distant), sky])
+    found = [light_records(analytic), mesh.records, light_records(distant), sky]
+    lights = blank(LightView, sum(map(len, found)))
+    lights[:] = np.concatenate(found)  # which drops the gaps between fields
     lights["luminance"] = relative(lights["luminance"])
     controls = [light.control for light in analytic] + mesh.controls + [light.control for light in distant]
     tables = LightTables(

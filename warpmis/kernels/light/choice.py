@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import DISK, DISTANT, DOME, RECT, SPHERE, LightView, SceneView, vec8f
-from warpmis.kernels.lanes import all_eight
+from warpmis.kernels.lanes import splat8
 from warpmis.kernels.light.records import NO_LIGHT, LightChoice, Receiver
 from warpmis.kernels.light.tree import make_light_tree
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
@@ -167,7 +167,7 @@ def make_choice(features: Features) -> SimpleNamespace:
                     if scene.prim_links.shape[0] > 0:
                         r.links = scene.prim_links[prim]
                 of_root = tree.importances(scene.light_tree, 0, r)
-                r.finite = wp.dot(of_root, all_eight(1.0))
+                r.finite = wp.dot(of_root, splat8(1.0))
         in_tree = r.finite
         first = first_weighed(scene)
         for i in range(first, scene.light_count):

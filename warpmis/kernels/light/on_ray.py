@@ -6,7 +6,7 @@ import warp as wp
 
 from warpmis.device.views import DOME, MESH, LightTreeView, SceneView
 from warpmis.kernels.intersect import make_intersect
-from warpmis.kernels.lanes import all_eight, greater, lanes_up_to, lesser, lowest_bit
+from warpmis.kernels.lanes import first_set_bit, mask_less_equal, max8, min8, splat8
 from warpmis.kernels.light.choice import density
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.dome import dome_pdf, dome_radiance, dome_uv, pdf_dome_constant
@@ -46,14 +46,14 @@ class LightsOnRay:
 def boxes_on_ray(tree: LightTreeView, node: int, ray: SlabRay, reach: float) -> int:
     """A mask of the node's children with an analytic light whose boxes the ray meets nearer than `reach`."""
     row = node * ROWS
-    lower = all_eight(0.0)
-    upper = all_eight(reach)
+    lower = splat8(0.0)
+    upper = splat8(reach)
     for axis in range(3):
-        middle = (tree.rows[row + CENTER + axis] - all_eight(ray.origin[axis])) * ray.inverse[axis]
+        middle = (tree.rows[row + CENTER + axis] - splat8(ray.origin[axis])) * ray.inverse[axis]
         half = tree.rows[row + HALF + axis] * wp.abs(ray.inverse[axis])
-        lower = greater(lower, middle - half)
-        upper = lesser(upper, middle + half)
-    return lanes_up_to(lower, upper) & tree.analytic[node]
+        lower = max8(lower, middle - half)
+        upper = min8(upper, middle + half)
+    return mask_less_equal(lower, upper) & tree.analytic[node]
 
 
 def make_on_ray(
@@ -180,7 +180,7 @@ def make_on_ray(
                 node = nodes[level]
                 mask = masks[level]
             else:
-                child = scene.light_tree.child_nodes[8 * node + lowest_bit(mask)]
+                child = scene.light_tree.child_nodes[8 * node + first_set_bit(mask)]
                 mask = mask & (mask - 1)
                 if child >= 0:
                     nodes[level] = node

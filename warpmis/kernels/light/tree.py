@@ -14,13 +14,13 @@ import warp as wp
 
 from warpmis.device.views import LightTreeView, vec8f
 from warpmis.kernels.lanes import (
-    all_eight,
     any_above,
     at_least,
-    greater,
-    lesser,
+    max8,
+    min8,
     pick_lane,
     share_of_lane,
+    splat8,
     square_roots,
 )
 from warpmis.kernels.light.records import Receiver
@@ -66,8 +66,8 @@ class LeafChoice:
 @wp.func
 def mean_above(middle: vec8f, reach: vec8f) -> vec8f:
     """Means of max(t, 0) over t spread evenly from middle - reach to middle + reach; 0 only if all are below."""
-    wide = greater(reach + wp.abs(middle) * HORIZON_SLACK, all_eight(TINY))
-    highest = greater(middle + wide, all_eight(0.0))
+    wide = max8(reach + wp.abs(middle) * HORIZON_SLACK, splat8(TINY))
+    highest = max8(middle + wide, splat8(0.0))
     # Where the lowest is above 0 the mean is the middle, else the triangle's: highest^2 / (4 wide).
     return at_least(middle, wide, middle, wp.cw_div(wp.cw_mul(highest, highest), wide * 4.0))
 
@@ -86,20 +86,20 @@ def dots(ax: vec8f, ay: vec8f, az: vec8f, bx: vec8f, by: vec8f, bz: vec8f) -> ve
 def seen_under(tree: LightTreeView, row: int, middle: vec8f, d2: vec8f) -> vec8f:
     """Above 0 for children whose box reaches into the cone of directions that they emit in; `middle` is the box's
     middle along the cone's axis, as the receiver sees it, d2 its squared distance."""
-    one = all_eight(1.0)
+    one = splat8(1.0)
     hx = tree.rows[row + HALF]
     hy = tree.rows[row + HALF + 1]
     hz = tree.rows[row + HALF + 2]
     r2 = dots(hx, hy, hz, hx, hy, hz)
     cos_cone = tree.rows[row + COS_CONE]
     cosine = wp.cw_div(-middle, square_roots(d2))
-    sine = square_roots(greater(one - wp.cw_mul(cosine, cosine), all_eight(0.0)))
+    sine = square_roots(max8(one - wp.cw_mul(cosine, cosine), splat8(0.0)))
     # The box is seen within the angle asin(r / d): is the cone's edge farther away than that?
     cos_apart = wp.cw_mul(cosine, cos_cone) + wp.cw_mul(sine, tree.rows[row + SIN_CONE])
-    cos_box = square_roots(greater(one - wp.cw_div(r2, d2), all_eight(0.0))) - one * HORIZON_SLACK
-    inside = at_least(cosine, cos_cone, one, at_least(cos_apart, cos_box, one, all_eight(0.0)))
+    cos_box = square_roots(max8(one - wp.cw_div(r2, d2), splat8(0.0))) - one * HORIZON_SLACK
+    inside = at_least(cosine, cos_cone, one, at_least(cos_apart, cos_box, one, splat8(0.0)))
     inside = at_least(r2, d2, one, inside)
-    return at_least(all_eight(-1.0), cos_cone, one, inside)
+    return at_least(splat8(-1.0), cos_cone, one, inside)
 
 
 @wp.func
@@ -112,11 +112,11 @@ def emitted(tree: LightTreeView, row: int, middle: vec8f, inverse: vec8f) -> vec
     ay = tree.rows[row + AXIS + 1]
     az = tree.rows[row + AXIS + 2]
     reach = dots(hx, hy, hz, wp.abs(ax), wp.abs(ay), wp.abs(az))
-    one = all_eight(1.0)
+    one = splat8(1.0)
     front = mean_above(-middle, reach)
     both = (front + mean_above(middle, reach)) * 0.5
     facing = at_least(tree.rows[row + TWO_SIDED], one, both, front)
-    cosine = lesser(wp.cw_mul(facing, inverse), one)
+    cosine = min8(wp.cw_mul(facing, inverse), one)
     return one + wp.cw_mul(tree.rows[row + DIRECTED], cosine * 4.0 - one)
 
 
@@ -124,8 +124,8 @@ def emitted(tree: LightTreeView, row: int, middle: vec8f, inverse: vec8f) -> vec
 def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) -> vec8f:
     """Estimated irradiances [luminance nit sr] of a node's children at x with unit normal n facing the viewer."""
     row = node * ROWS
-    one = all_eight(1.0)
-    zero = all_eight(0.0)
+    one = splat8(1.0)
+    zero = splat8(0.0)
     dx = tree.rows[row + CENTER] - one * x[0]
     dy = tree.rows[row + CENTER + 1] - one * x[1]
     dz = tree.rows[row + CENTER + 2] - one * x[2]
@@ -136,22 +136,22 @@ def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) 
     mz = tree.rows[row + MEAN + 2] - one * x[2]
     radius2 = tree.rows[row + RADIUS2]
     d2 = dots(mx, my, mz, mx, my, mz)
-    size2 = greater(d2 + radius2, all_eight(TINY))
+    size2 = max8(d2 + radius2, splat8(TINY))
     square = wp.cw_div(one, size2)
     inverse = square_roots(square)
     # Mean of 1 / distance^2 over the ball: exact at its middle, on its surface and far away, between them nearly.
     far = wp.cw_mul(d2, square)
     near = wp.cw_mul(radius2, square)
-    spread = greater(wp.cw_mul(near, near) + wp.cw_mul(far, far) * 3.0, all_eight(TINY))
+    spread = max8(wp.cw_mul(near, near) + wp.cw_mul(far, far) * 3.0, splat8(TINY))
     brought = wp.cw_div(wp.cw_mul(tree.rows[row + WEIGHT] * 3.0, square), spread)
-    brought = wp.cw_mul(brought, lesser(wp.cw_mul(above, inverse), one))
+    brought = wp.cw_mul(brought, min8(wp.cw_mul(above, inverse), one))
     # Of bodies that emit in all directions alike that is all.
     if any_above(tree.rows[row + COS_CONE], -1.0) or any_above(tree.rows[row + DIRECTED], 0.0):
         middle = dots(dx, dy, dz, tree.rows[row + AXIS], tree.rows[row + AXIS + 1], tree.rows[row + AXIS + 2])
         brought = wp.cw_mul(brought, emitted(tree, row, middle, inverse))
-        seen = seen_under(tree, row, middle, greater(dots(dx, dy, dz, dx, dy, dz), all_eight(TINY)))
+        seen = seen_under(tree, row, middle, max8(dots(dx, dy, dz, dx, dy, dz), splat8(TINY)))
         above = wp.cw_mul(above, seen)
-    return at_least(zero, above, zero, lesser(greater(brought, tree.rows[row + LEAST]), all_eight(MOST)))
+    return at_least(zero, above, zero, min8(max8(brought, tree.rows[row + LEAST]), splat8(MOST)))
 
 
 def make_light_tree(features: Features) -> SimpleNamespace:
@@ -167,7 +167,7 @@ def make_light_tree(features: Features) -> SimpleNamespace:
                     found[i] = 0.0
         if node > 0 and not any_above(found, 0.0):
             # The node's own box, cone or bits promised what none of its children has: whichever, it brings nothing.
-            found = at_least(tree.rows[node * ROWS + WEIGHT], all_eight(LIGHTEST), all_eight(1.0), all_eight(0.0))
+            found = at_least(tree.rows[node * ROWS + WEIGHT], splat8(LIGHTEST), splat8(1.0), splat8(0.0))
         return found
 
     @wp.func
