@@ -1,6 +1,6 @@
-"""The README's picture: each of our scenes above the allocation that was learned for it.
+"""The README's picture: each of our scenes as sampled, denoised, and the allocation that its pixels learned.
 
-python scripts/figures/readme_picture.py [--height 240] [--spp 512] [--out docs/pictures/scenes.png]
+python scripts/figures/readme_picture.py [--height 180] [--spp 96] [--out docs/pictures/scenes.png]
 """
 
 from __future__ import annotations
@@ -17,32 +17,26 @@ from warpmis.output.png import write_display_png
 from warpmis.output.tonemap import to_display
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
-# Exposure in stops, and how many times the samples: light behind a door is slow to find.
-SCENES = {
-    "cornell_box": (0.5, 1),
-    "ajar_door": (0.5, 4),
-    "veach_plates": (0.7, 1),
-    "open_terrace": (0.5, 1),
-}
+# Exposure in stops.
+SCENES = {"cornell_box": 0.5, "ajar_door": 0.5, "veach_plates": 0.7, "open_terrace": 0.5}
 GAP = 6
 
 
 def column(name: str, height: int, spp: int) -> np.ndarray:
-    """Picture above balance map, shape (2 height + GAP, width, 3) uint8."""
-    exposure, times = SCENES[name]
+    """Picture, denoised picture and balance map, shape (3 height + 2 GAP, width, 3) uint8."""
     scene = warpmis.load_stage(USD_SCENES / name / "scene.usda")
     width = round(height * scene.resolution[0] / scene.resolution[1])
-    result = warpmis.render(scene, width=width, spp=spp * times, method="murray20")
-    picture = to_display(result.image, exposure)[:height]
+    result = warpmis.render(scene, width=width, spp=spp, method="pooled", denoise=True)
+    picture, denoised = (to_display(image, SCENES[name])[:height] for image in (result.image, result.shown))
     learned = balance_map(result.allocation, result.strategies)[:height]
     gap = np.full((GAP, width, 3), 255, dtype=np.uint8)
-    return np.concatenate([picture, gap, learned])
+    return np.concatenate([picture, gap, denoised, gap, learned])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--height", type=int, default=240)
-    parser.add_argument("--spp", type=int, default=512)
+    parser.add_argument("--height", type=int, default=180)
+    parser.add_argument("--spp", type=int, default=96)
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[2] / "docs" / "pictures" / "scenes.png")
     arguments = parser.parse_args()
     columns = [column(name, arguments.height, arguments.spp) for name in SCENES]
