@@ -66,6 +66,10 @@ def test_diffuse_and_specular_parts_add_up_to_the_whole(method: str) -> None:
     np.testing.assert_allclose(3 * diffuse + 2 * specular, both, rtol=1e-4)
 
 
+# A prim for a collection to name, with nothing to see.
+OTHER = 'def Scope "Other" {}\n'
+
+
 def linked(collection: str, members: str) -> str:
     return disk(
         f"uniform bool collection:{collection}:includeRoot = 0\nrel collection:{collection}:includes = {members}"
@@ -76,8 +80,8 @@ def linked(collection: str, members: str) -> str:
 def test_a_linked_light_reaches_its_collection_alone(method: str) -> None:
     """Two lights, of which the second is the half of the first: each alone, both, none."""
     weak = light("DiskLight", "float inputs:radius = 2\nfloat inputs:intensity = 2", (0, 1.5, 0), head="")
-    weak = weak.replace('"Light"', '"Weak"')
-    assert irradiance(linked("lightLink", "</Other>"), method, spp=256).max() == 0.0
+    weak = weak.replace('"Light"', '"Weak"') + OTHER
+    assert irradiance(linked("lightLink", "</Other>") + OTHER, method, spp=256).max() == 0.0
     for members, share in (("</Floor>", 1.5), ("</Other>", 0.5)):
         found = irradiance(linked("lightLink", members) + weak, method, spp=16384)
         np.testing.assert_allclose(found, share * OF_DISK, rtol=0.005)
