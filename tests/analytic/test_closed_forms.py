@@ -12,6 +12,7 @@ import math
 import numpy as np
 import pytest
 from pxr import Usd
+from superset import LIGHTS, covering
 
 import warpmis
 
@@ -48,7 +49,8 @@ def mean(text: str, spp: int = 4096, width: int = 8, **settings) -> float:
     """Mean radiance of the picture, all three channels being equal."""
     stage = Usd.Stage.CreateInMemory()
     assert stage.GetRootLayer().ImportFromString('#usda 1.0\n(upAxis = "Y")\n' + text)
-    result = warpmis.render(stage, width=width, spp=spp, features=None, **settings)
+    scene = warpmis.load_stage(stage, width=width)
+    result = warpmis.render(scene, spp=spp, features=covering(LIGHTS, scene), **settings)
     assert result.stats["rejected_samples"] == 0
     assert np.ptp(result.image, axis=-1).max() <= 1e-4 * result.image.max()
     return float(result.image[..., 0].astype(np.float64).mean())
@@ -218,8 +220,8 @@ def RectLight "Panel" {
     float inputs:height = 9
 }
 """
-    assert mean(text + camera((0, 0, -2), 0).replace("rotateX = 0", "rotateX = 180"), spp=4) == 1.0
-    assert mean(text + camera((0, 0, 2), 0), spp=4) == 0.0
+    assert mean(text + camera((0, 0, -2), 0).replace("rotateX = 0", "rotateX = 180"), spp=4, method="nee") == 1.0
+    assert mean(text + camera((0, 0, 2), 0), spp=4, method="nee") == 0.0
 
 
 @pytest.mark.parametrize("depth", [0, 1, 3, 8])
@@ -249,7 +251,7 @@ def Material "Glow" {
     # The lobe of a UsdPreviewSurface reflects at grazing angles whatever its ior: here a pure Lambertian is wanted.
     lambert = tuple(dataclasses.replace(material, lambertian=True) for material in scene.materials)
     scene = dataclasses.replace(scene, materials=lambert)
-    image = warpmis.render(scene, spp=4096, method=method, max_depth=depth).image
+    image = warpmis.render(scene, spp=4096, method=method, max_depth=depth, features=covering(LIGHTS, scene)).image
     assert image.mean(dtype=np.float64) == pytest.approx(sum(0.6**k for k in range(depth + 1)), rel=0.005)
 
 
@@ -272,7 +274,7 @@ def Material "Mirror" {{
 def DomeLight "Sky" {{
 }}
 """ + camera((0, 0, 5), 0, aperture=0.2)
-    assert mean(text, spp=64) == pytest.approx(1.0, rel=1e-3)
+    assert mean(text, spp=64, method="nee") == pytest.approx(1.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("mode, expected", [("presence", 0.75), ("opaque", 0.0)])
@@ -291,7 +293,7 @@ def Mesh "Card" {{
 def DomeLight "Sky" {{
 }}
 """ + camera((0, 0, 5), 0)
-    assert mean(text, spp=4096) == pytest.approx(expected, abs=0.005)
+    assert mean(text, spp=4096, method="nee") == pytest.approx(expected, abs=0.005)
 
 
 @pytest.mark.parametrize("method", ["nee", "balance"])

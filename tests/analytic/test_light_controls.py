@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd
+from superset import CONTROLLED_LIGHTS, covering
 from usd.lights.test_ies import profile
 from usd.pictures import write
 
@@ -54,7 +55,9 @@ def irradiance(text: str, method: str = "nee", spp: int = 16384, stage_text: str
     """Mean irradiance of the floor at the origin, shape (3,)."""
     stage = Usd.Stage.CreateInMemory()
     assert stage.GetRootLayer().ImportFromString(stage_text + text)
-    result = warpmis.render(stage, width=8, spp=spp, method=method, max_depth=1, **settings)
+    scene = warpmis.load_stage(stage, width=8)
+    features = covering(CONTROLLED_LIGHTS, scene)
+    result = warpmis.render(scene, spp=spp, method=method, max_depth=1, features=features, **settings)
     assert result.stats["rejected_samples"] == 0
     assert not result.warnings
     return result.image.astype(np.float64).mean(axis=(0, 1)) * math.pi / RHO

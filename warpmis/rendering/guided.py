@@ -129,8 +129,8 @@ class GuidedIntegrator(Integrator):
         self, part: Round, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]
     ) -> None:
         self.compiler.wait([kernel])
-        everyone = wp.empty(0, dtype=wp.uint8, device=self.config.device)
-        passes = [Pass(kernel, everyone, 0, self.nothing[0], film, self.nothing[1])]
+        all_pixels = wp.empty(0, dtype=wp.uint8, device=self.config.device)
+        passes = [Pass(kernel, all_pixels, 0, self.no_shares, film, self.no_moments)]
         counts = np.full(film.color.shape[0], part.samples)
         self._trace(passes, view, counts, advance)
 

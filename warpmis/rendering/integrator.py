@@ -105,18 +105,19 @@ class Integrator:
             self.learned = Allocation.of(shares[: self.learner.cells], next_event, device)
         self.learn_film = allocate_film(self.learner.cells if self.config.how.learns else 0, device)
         self.film = allocate_film(self.pixels, device)
-        # For pixels without a mixture: no shares, and no moments.
-        self.nothing = (wp.zeros(1, dtype=vec1f, device=device), wp.zeros(1, dtype=vec1d, device=device))
+        # For kernels without a mixture.
+        self.no_shares = wp.zeros(1, dtype=vec1f, device=device)
+        self.no_moments = wp.zeros(1, dtype=vec1d, device=device)
 
     def _passes(self, learn: bool) -> list[Pass]:
-        """Those of a round: one, or two where some pixels have left the mixture and others have not."""
+        """Those of a round: one, or two where some pixels have next-event estimation and others the mixture."""
         device = self.config.device
-        everyone = wp.empty(0, dtype=wp.uint8, device=device)
+        all_pixels = wp.empty(0, dtype=wp.uint8, device=device)
         if learn:
-            return [Pass(self.learn_kernel, everyone, 0, self.learned.shares, self.learn_film, self.learner.moments)]
+            return [Pass(self.learn_kernel, all_pixels, 0, self.learned.shares, self.learn_film, self.learner.moments)]
         plain = self.learner.plain_moments
-        mixture = Pass(self.kernel, everyone, MIXTURE, self.allocation.shares, self.film, plain)
-        next_event = Pass(self.next_event_kernel, everyone, NEXT_EVENT, self.nothing[0], self.film, self.nothing[1])
+        mixture = Pass(self.kernel, all_pixels, MIXTURE, self.allocation.shares, self.film, plain)
+        next_event = Pass(self.next_event_kernel, all_pixels, NEXT_EVENT, self.no_shares, self.film, self.no_moments)
         is_next_event = self.allocation.is_next_event()
         if not is_next_event.any():
             return [mixture]
@@ -124,14 +125,14 @@ class Integrator:
             return [next_event]
         return [replace(one, estimators=self.allocation.estimators) for one in (mixture, next_event)]
 
-    def _taken(self, part: Round, samples: range) -> NDArray[np.int64]:
+    def _sample_counts(self, part: Round, samples: range) -> NDArray[np.int64]:
         """How many of the samples each pixel takes; each cell, where it learns."""
         if part.learn:
             return np.full(self.learner.cells, len(samples))
-        taken = np.full((self.height, self.width), len(samples))
+        counts = np.full((self.height, self.width), len(samples))
         if part.pilot:
-            taken[:: self.stride, :: self.stride] = len(range(max(samples.start, part.pilot), samples.stop))
-        return taken.reshape(-1)
+            counts[:: self.stride, :: self.stride] = len(range(max(samples.start, part.pilot), samples.stop))
+        return counts.reshape(-1)
 
     def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
         """Trace one round, or a piece of its samples; the pieces in turn are the round.
@@ -141,7 +142,7 @@ class Integrator:
         samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if samples.start == part.first_sample:
             self.learner.begin_round(part.learn)
-        view, taken = round_view(self.config, part, samples, self.stride), self._taken(part, samples)
+        view, taken = round_view(self.config, part, samples, self.stride), self._sample_counts(part, samples)
         for passes in self._waves(self._passes(part.learn)):
             self.compiler.wait([one.kernel for one in passes])
             counts = taken
