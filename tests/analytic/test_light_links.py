@@ -71,9 +71,7 @@ OTHER = 'def Scope "Other" {}\n'
 
 
 def linked(collection: str, members: str) -> str:
-    """A disk light that is linked to members, which are </Floor> or </Other>."""
-    other = 'def Scope "Other" {\n}\n'
-    return other + disk(
+    return disk(
         f"uniform bool collection:{collection}:includeRoot = 0\nrel collection:{collection}:includes = {members}"
     )
 
