@@ -36,7 +36,9 @@ def test_the_same_of_many_prims_is_one_line_with_the_first_path_and_a_count():
         ("a1.png cannot be opened", "a2.png cannot be opened", 2),
         ("tex/7.png cannot be opened", "tex/8.png cannot be opened", 2),
         ("tile.1001.png cannot be opened", "tile.1002.png cannot be opened", 2),
-        ("its material /M1 does not exist", "its material /M2 does not exist", 2),
+        ("its material /Looks/M1 does not exist", "its material /Looks/M2 does not exist", 1),
+        ("/tex/a.png cannot be opened", "/tex/b.png cannot be opened", 2),
+        ("/my-files/a cannot be opened", "/my-files/b cannot be opened", 2),
         ("left out: it is red", "left out: it is green", 2),
     ],
 )

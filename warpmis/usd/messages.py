@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 # Numbers tell two lines of the same kind apart; digits within a name or a path do not count.
 NUMBER = re.compile(r"(?<![\w/.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?!\.?\w)")
 
+# So do the prims that a message names; a file is told from a prim by its ending, and which one it is does count.
+PRIM_PATH = re.compile(r"(?<![\w@./])/[A-Za-z_]\w*(?:/\w+)*(?![\w./@-])")
+
 # pxr's own lines name prims as (/Path), </Path> or @layer@</Path>.
 PRIM_IN_TEXT = re.compile(r"(?<=[(<])/[\w/]*(?:\.[\w:]+)?(?=[)>])")
 
@@ -25,8 +28,8 @@ class _Repeated:
 class Messages:
     """Lines `path: message` in the order of their first appearance; iterating gives the lines.
 
-    Messages that differ in numbers, or in the path that they name along with the prim they are about, are of one kind:
-    they are one line, the first one's, with how many more there are.
+    Messages that differ in numbers, or in the prims that they name, are of one kind. They are one line, the first,
+    with how many more there are.
     """
 
     kinds: dict[str, _Repeated] = field(default_factory=dict)
@@ -36,7 +39,7 @@ class Messages:
         where = str(path)
         line = f"{where}: {message}" if where else message
         bare = message.replace(where, "") if where.startswith("/") else message
-        self._record(NUMBER.sub("#", bare), line, where)
+        self._record(NUMBER.sub("#", PRIM_PATH.sub("", bare)), line, where)
 
     def add_text(self, text: str) -> None:
         """Records a message of pxr's, which names its prims within the text."""
