@@ -70,7 +70,7 @@ def test_a_moving_strip_covers_each_pixel_for_its_share_of_the_time() -> None:
 
 
 def test_shut_or_unasked_shutters() -> None:
-    note = "shutter samples"
+    note = "one shutter sample gives no motion blur"
     assert any(note in line for line in render(OPEN, spp=2).notes)
     shut = render("", shutter_samples=4, spp=2)
     assert not any(note in line for line in shut.notes)

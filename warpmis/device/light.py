@@ -81,7 +81,8 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
 def relative(luminance: NDArray[np.float32]) -> FloatArray:
     """Luminance as a share of the brightest light's: the choice among lights needs no more, and float32 could not hold
     some lights' times their solid angle. The share stays above 0, or the light would never be sampled."""
-    found = luminance.astype(np.float64)
+    # A light of infinite radiance is drawn like the brightest that there can be; its samples are rejected one by one.
+    found = np.minimum(luminance.astype(np.float64), np.finfo(np.float32).max)
     brightest = found.max(initial=0.0)
     return np.maximum(found / brightest, MIN_SHARE) if brightest > 0.0 else np.ones_like(found)
 
