@@ -41,8 +41,10 @@ CONTROLLED_LIGHTS = dataclasses.replace(
 
 
 def covering(features: Features, scene: warpmis.Scene) -> Features:
-    """The features, of which none that the scene calls for is missing."""
-    missing = effects_of(detect(scene)) - effects_of(features)
+    """The features, of which none that the scene calls for is missing; the tree over the lights as the scene has it."""
+    own = detect(scene)
+    features = dataclasses.replace(features, light_tree=own.light_tree)
+    missing = effects_of(own) - effects_of(features)
     assert not missing, f"the scene calls for {missing}"
     return features
 
