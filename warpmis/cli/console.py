@@ -122,12 +122,11 @@ def byte_text(size: float) -> str:
 
 def compilation_line() -> Callable[[Progress], None]:
     """Says once why nothing is seen for some seconds."""
-    details: list[str] = []
+    said: list[str] = []
 
     def show(progress: Progress) -> None:
-        if progress.phase == "compile" and progress.detail:
-            if not details:
-                say(f"compiling {progress.detail}")
-            details.append(progress.detail)
+        if progress.phase == "compile" and progress.detail and not said:
+            said.append("compiling kernels, first use of these effects")
+            say(said[0])
 
     return show

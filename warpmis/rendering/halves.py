@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any
 
 from warpmis.config import RenderConfig
 from warpmis.errors import ConfigError, Interrupted
@@ -97,7 +96,9 @@ def _shown_as_half(progress: ProgressCallback | None, index: int, before: int) -
 
     def show(report: Progress) -> None:
         total = before + report.total * (2 - index) if report.total else 0
-        detail: dict[str, Any] = {"detail": f"half {index + 1}/2" + (f", {report.detail}" if report.detail else "")}
-        progress(dataclasses.replace(report, done=before + report.done, total=total, **detail))
+        detail = ", ".join(filter(None, (f"half {index + 1}/2", report.detail)))
+        # What is compiled is compiled for both, and without a detail there is nothing to compile.
+        detail = report.detail if report.phase == "compile" else detail
+        progress(dataclasses.replace(report, done=before + report.done, total=total, detail=detail))
 
     return show

@@ -355,10 +355,10 @@ def test_progress_is_shown_on_a_terminal_alone(fake: FakeRender, monkeypatch: py
 def test_a_line_tells_of_compilation_where_there_is_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
     with progress_bar(quiet=False) as show:
         assert show is not None
-        for detail in ("", "2 kernels, first use of these effects"):
+        for detail in ("", "2 kernels, first use of these effects", "1 of 2 kernels, 3.1 s: trace"):
             show(Progress("compile", 0, 0, 0, 0.0, detail))
         show(Progress("learn", 50, 100, 50, 0.5, "round 3/8"))
-    assert capsys.readouterr().err == "warpmis: compiling 2 kernels, first use of these effects\n"
+    assert capsys.readouterr().err == "warpmis: compiling kernels, first use of these effects\n"
 
 
 # ---- as a program ---------------------------------------------------------------------------------------------------
