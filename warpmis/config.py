@@ -165,8 +165,6 @@ class RenderConfig:
             raise ConfigError(f"unknown strategy choice '{self.strategy_choice}'; choose one of {choices}")
         if self.sampler not in SAMPLERS:
             raise ConfigError(f"unknown sampler '{self.sampler}'; choose one of {', '.join(SAMPLERS)}")
-        if self.how.cache and self.stops:
-            raise ConfigError(f"method '{self.method}' cannot estimate its error yet: set spp, or take method 'auto'")
         if self.how.learns:
             self._check_learning()
         elif self.learn != LearnConfig():
@@ -196,7 +194,7 @@ class RenderConfig:
         return self.how.learn_stride if not self.stops else 1
 
     @property
-    def _learn_budget(self) -> int:
+    def learn_budget(self) -> int:
         """Samples per pixel that learning takes its share of: where their number is not known, a plain render's."""
         return min(self.spp, DEFAULT_SPP) if self.stops else self.spp
 
@@ -206,13 +204,13 @@ class RenderConfig:
             return self.learn.rounds
         if self.how.rounds is not None:
             return self.how.rounds
-        return min(max(self._learn_budget.bit_length() - 7, 1), self.how.max_rounds)
+        return min(max(self.learn_budget.bit_length() - 7, 1), self.how.max_rounds)
 
     def learn_spp(self) -> int:
         """Samples per pixel of one learn round: as set, or so that all rounds take the method's share of the budget."""
         if self.learn.spp is not None:
             return self.learn.spp
-        return max(1, int(self._learn_budget * self.how.learn_share) // self.learn_rounds())
+        return max(1, int(self.learn_budget * self.how.learn_share) // self.learn_rounds())
 
     def to_dict(self) -> SettingsDict:
         """The settings as plain values, ready for JSON."""

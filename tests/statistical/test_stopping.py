@@ -33,23 +33,25 @@ def holds(broken: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("name", "target", "sampler"),
+    ("name", "target", "sampler", "method"),
     [
-        ("room", 0.15, "lattice"),
-        pytest.param("cornell_box", 0.1, "independent", marks=pytest.mark.slow),
-        pytest.param("ajar_door", 0.3, "lattice", marks=pytest.mark.slow),
-        pytest.param("veach_plates", 0.05, "independent", marks=pytest.mark.slow),
-        pytest.param("cornell_box", 0.1, "lattice", marks=pytest.mark.slow),
-        pytest.param("veach_plates", 0.05, "lattice", marks=pytest.mark.slow),
+        ("room", 0.15, "lattice", "nee"),
+        ("room", 0.08, "lattice", "guided"),
+        pytest.param("cornell_box", 0.1, "independent", "auto", marks=pytest.mark.slow),
+        pytest.param("ajar_door", 0.3, "lattice", "auto", marks=pytest.mark.slow),
+        pytest.param("veach_plates", 0.05, "independent", "auto", marks=pytest.mark.slow),
+        pytest.param("cornell_box", 0.1, "lattice", "auto", marks=pytest.mark.slow),
+        pytest.param("veach_plates", 0.05, "lattice", "auto", marks=pytest.mark.slow),
     ],
 )
-def test_the_error_is_what_it_is_said_to_be(name: str, target: float, sampler: str) -> None:
+def test_the_error_is_what_it_is_said_to_be(name: str, target: float, sampler: str, method: str) -> None:
     scene = load(name)
-    runs = [warpmis.render(scene, target_error=target, seed=seed, sampler=sampler) for seed in range(SEEDS)]
+    settings = {"target_error": target, "sampler": sampler, "method": method}
+    runs = [warpmis.render(scene, seed=seed, **settings) for seed in range(SEEDS)]
     told = [run.stats["stopping"] for run in runs]
     assert {one["reason"] for one in told} == {"target error"}
     spp = REFERENCE // 2 * round(np.median([one["spp"] for one in told]))
-    halves = [warpmis.render(scene, spp=spp, seed=1000 + half, learn_spp=64).image for half in range(2)]
+    halves = [warpmis.render(scene, spp=spp, seed=1000 + half, method="guided").image for half in range(2)]
     truth = 0.5 * (halves[0].astype(np.float64) + halves[1])
     noise = without_outliers(squared_error(*halves) / 4.0 / squared_scale(truth)).mean()
     errors = np.array([max(relative_mse(run.image, truth) - noise, 0.0) for run in runs]) ** 0.5
@@ -59,7 +61,7 @@ def test_the_error_is_what_it_is_said_to_be(name: str, target: float, sampler: s
     outside = int((np.abs(apart) > stats.norm.isf((1.0 - CLAIMED) / 2)).sum())
     found = f"{errors.mean():.4f} for {estimates.mean():.4f}, {broken} above the target, {outside} outside the spread"
     found += f", scatter {apart.std():.2f} of the spread, {np.median([one['spp'] for one in told]):.0f} spp"
-    print(name, sampler, found)
+    print(name, sampler, method, found)
     assert holds(broken), found
     assert holds(outside), found
     assert errors.mean() == pytest.approx(estimates.mean(), rel=0.1), found

@@ -9,21 +9,20 @@ FIRST_PATHS = 1 << 13
 MOST_PATHS = 1 << 20
 # Part of the samples that may train.
 MOST_SHARE = 0.5
-# Rounds with fewer samples per pixel are left out of the picture: their guides know little yet.
+# Rounds with fewer samples per pixel are left out of the picture, and the first one is: their guides know little yet.
 KEPT_SAMPLES = 8
 
 
 @dataclass(frozen=True)
 class Training:
-    """One round: `samples` paths of the first pixel of each cell of stride x stride pixels."""
+    """One round: `samples` paths of the first pixel of each cell of stride x stride pixels.
+
+    is_kept: whether the picture holds the samples. It is fixed beforehand, so that no sample has a say in it.
+    """
 
     stride: int
     samples: int
-
-    @property
-    def is_kept(self) -> bool:
-        """Whether the picture holds the samples. It is fixed beforehand, so that no sample has a say in it."""
-        return self.stride == 1 and self.samples >= KEPT_SAMPLES
+    is_kept: bool
 
 
 def training_rounds(pixels: int, spp: int) -> list[Training]:
@@ -32,9 +31,10 @@ def training_rounds(pixels: int, spp: int) -> list[Training]:
     rounds: list[Training] = []
     paths, spent = float(FIRST_PATHS), 0.0
     while spent + paths <= most:
-        samples = max(1, 1 << round_to_bit(paths / pixels))
         stride = max(1, round((pixels / paths) ** 0.5))
-        rounds.append(Training(stride, samples) if stride == 1 else Training(stride, 1))
+        samples = 1 << round_to_bit(paths / pixels) if stride == 1 else 1
+        is_kept = len(rounds) > 0 and stride == 1 and samples >= KEPT_SAMPLES
+        rounds.append(Training(stride, samples, is_kept))
         spent += pixels * rounds[-1].samples / stride**2
         paths *= 2.0
     return rounds

@@ -14,7 +14,8 @@ class Round:
     pilot: so many of the samples have been taken in the pixels that learning looked at, one in several (RenderConfig:
     learn_stride). sequence: the samples that are spread evenly together: those of the round, or for a pilot also those
     after it, since its pixels go on as they began. following: samples per pixel of the round after it, 0 for none;
-    label: for those who watch.
+    label: for those who watch. is_kept: the picture holds its samples. may_be_left_out: where time is short, the render
+    goes on without it.
     """
 
     first_sample: int
@@ -24,6 +25,8 @@ class Round:
     after: int = 0
     following: int = 0
     label: str = ""
+    is_kept: bool = True
+    may_be_left_out: bool = False
 
     @property
     def sequence(self) -> range:

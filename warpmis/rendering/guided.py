@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpmis.cache.gate import PILOT_SAMPLES, THRESHOLD, pilot_stride, relative_variance
 from warpmis.cache.pixel_worth import expected_luminance, pixel_worth, rate_strength
@@ -31,9 +32,8 @@ from warpmis.kernels.cache.lookup import make_locate
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.schedule import Round
-from warpmis.rendering.generating_vector import lattice_length
 from warpmis.rendering.integrator import Integrator, Pass
-from warpmis.rendering.round_view import round_view, set_lattice
+from warpmis.rendering.round_view import round_view
 from warpmis.scene.features import Features
 
 # The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
@@ -82,9 +82,9 @@ class GuidedIntegrator(Integrator):
         self.is_guided = False
         self.strength = 1.0
         self.pilot_pictures: list[Film] = []
-        self.learned_film: Film | None = None  # of all training rounds, at the picture's size
+        self.learned_film: Film | None = None  # of all training rounds that are over, at the picture's size
         self.kept_film: Film | None = None  # of those that the picture holds
-        self.scratch: FilmView | None = None
+        self.training: tuple[Training, FilmView] | None = None  # the present round
         self.records: wp.array | None = None
         self.traced_rays = 0  # by films that are gone
         self.cache_view: CacheView | None = None  # keeps alive what the scene's view points into
@@ -92,54 +92,54 @@ class GuidedIntegrator(Integrator):
     def rounds(self) -> Iterator[Round]:
         """The pilot; then a plain render, or training and a guided one."""
         for half in (0, 1) if self.config.max_depth > 0 else ():
-            yield CacheRound(half * PILOT_SAMPLES, PILOT_SAMPLES, learn=True, label="pilot", pilot_half=half)
-        trainings = training_rounds(self.pixels, self.config.spp) if self.is_guided else []
+            first = half * PILOT_SAMPLES
+            yield CacheRound(first, PILOT_SAMPLES, learn=True, label="pilot", is_kept=False, pilot_half=half)
+        trainings = training_rounds(self.pixels, self.config.learn_budget) if self.is_guided else []
         first_sample, spent = 0, 0.0
         for number, training in enumerate(trainings, start=1):
-            label = f"round {number}/{len(trainings)}"
-            yield CacheRound(first_sample, training.samples, learn=True, label=label, training=training)
+            yield CacheRound(
+                first_sample,
+                training.samples,
+                learn=True,
+                label=f"round {number}/{len(trainings)}",
+                is_kept=training.is_kept,
+                may_be_left_out=True,
+                training=training,
+            )
             first_sample += training.samples
             spent += training.samples / training.stride**2
         yield CacheRound(first_sample, self.config.spp - math.ceil(spent), learn=False)
 
     def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
         assert isinstance(part, CacheRound)
-        assert piece is None
+        samples = piece or range(part.first_sample, part.first_sample + part.samples)
         if part.pilot_half is not None:
-            self._trace_pilot(part)
+            self._trace_pilot(part, samples)
             return
-        film, kernel = self.film, self.plain_kernel
-        if self.is_guided:
-            kernel = self.record_kernel if part.training else self.guide_kernel
+        if samples.start == part.first_sample and self.is_guided:
             self._upload_cache(part)
-        if part.training:
-            film = self.scratch = allocate_film(self._cells(part.stride), self.config.device)
-        self._launch_round(part, kernel, film, self._view(part, part.stride), advance)
+            if part.training:
+                self.training = part.training, allocate_film(self._cells(part.stride), self.config.device)
+        view = round_view(self.config, part, samples, part.stride)
+        if self.training is not None:
+            self._launch_round(self.record_kernel, self.training[1], view, advance)
+        else:
+            self._launch_round(self.guide_kernel if self.is_guided else self.plain_kernel, self.film, view, advance)
 
-    def _trace_pilot(self, part: CacheRound) -> None:
+    def _trace_pilot(self, part: CacheRound, samples: range) -> None:
         stride = pilot_stride(self.pixels)
-        view = self._view(part, stride)
+        view = round_view(self.config, part, samples, stride)
         view.seed = (self.config.seed + PILOT_SEED) % 2**32
         film = allocate_film(self._cells(stride), self.config.device)
-        self._launch_round(part, self.plain_kernel, film, view, lambda samples: None)
+        self._launch_round(self.plain_kernel, film, view, lambda samples: None)
         self._count_rays(film)
         self.pilot_pictures.append(download_film(film, *self._size(stride)))
 
-    def _launch_round(
-        self, part: Round, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]
-    ) -> None:
+    def _launch_round(self, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]) -> None:
         self.compiler.wait([kernel])
         all_pixels = wp.empty(0, dtype=wp.uint8, device=self.config.device)
         passes = [Pass(kernel, all_pixels, 0, self.no_shares, film, self.no_moments)]
-        counts = np.full(film.color.shape[0], part.samples)
-        self._trace(passes, view, counts, advance)
-
-    def _view(self, part: Round, stride: int) -> RoundView:
-        samples = range(part.first_sample, part.first_sample + part.samples)
-        view = round_view(self.config, part, samples, stride)
-        view.by_cells, view.stride = stride > 1, max(stride, 1)
-        set_lattice(view, part.first_sample, lattice_length(part.samples))
-        return view
+        self._trace(passes, view, np.full(film.color.shape[0], view.end_sample - view.first_sample), advance)
 
     def _size(self, stride: int) -> tuple[int, int]:
         return -(-self.width // stride), -(-self.height // stride)
@@ -155,7 +155,7 @@ class GuidedIntegrator(Integrator):
         if part.pilot_half == 1:
             self._decide()
         elif part.training is not None:
-            self._learn(part.training)
+            self._learn()
 
     def _decide(self) -> None:
         """Whether this picture is guided, and what its rates begin with."""
@@ -167,19 +167,29 @@ class GuidedIntegrator(Integrator):
         if self.is_guided:
             self.compiler.begin((self.record_kernel, self.locate_kernel, self.guide_kernel))
 
-    def _learn(self, training: Training) -> None:
-        assert self.records is not None and self.scratch is not None
+    def _learn(self) -> None:
+        assert self.records is not None and self.training is not None
         self.compiler.wait([self.locate_kernel])
         self.cache.learn(self.records, self.launcher.run_over)
         self.records = None
-        film = download_film(self.scratch, *self._size(training.stride))
+        training, view = self.training
         if training.stride == 1 and training.samples > 2:
-            self._update_strength(film, self._cost(self.scratch))
-        self._count_rays(self.scratch)
-        film = film.spread_out(training.stride, self.width, self.height)
-        self.learned_film = film if self.learned_film is None else self.learned_film.merge(film)
-        if training.is_kept:
-            self.kept_film = film if self.kept_film is None else self.kept_film.merge(film)
+            self._update_strength(download_film(view, self.width, self.height), self._cost(view))
+        self._count_rays(view)
+        self.learned_film, self.kept_film = self._trained_films()
+        self.training = None
+
+    def _trained_films(self) -> tuple[Film | None, Film | None]:
+        """Of all training rounds, and of those that the picture holds; the present one with what it has so far."""
+        learned, kept = self.learned_film, self.kept_film
+        if self.training is not None:
+            training, view = self.training
+            film = download_film(view, *self._size(training.stride))
+            film = film.spread_out(training.stride, self.width, self.height)
+            learned = film if learned is None else learned.merge(film)
+            if training.is_kept:
+                kept = film if kept is None else kept.merge(film)
+        return learned, kept
 
     def _update_strength(self, film: Film, cost: float) -> None:
         relative = film.variance() / np.maximum(squared_scale(film.image()), 1e-30)
@@ -228,7 +238,17 @@ class GuidedIntegrator(Integrator):
     def download(self) -> tuple[Film, ...]:
         """The picture's samples: of the training rounds that it holds, and of the render."""
         final = download_film(self.film, self.width, self.height)
-        if self.kept_film is not None:
-            return self.kept_film, final
+        learned, kept = self._trained_films()
+        if kept is not None:
+            return kept, final
         # An interrupted render has nothing else to show.
-        return (self.learned_film, final) if self.learned_film is not None and not final.count.any() else (final,)
+        return (learned, final) if learned is not None and not final.count.any() else (final,)
+
+    def color_sums(self) -> NDArray[np.float64]:
+        colors = [super().color_sums()]
+        if self.kept_film is not None:
+            colors.append(self.kept_film.color)
+        if self.training is not None and self.training[0].is_kept:
+            colors.append(self.training[1].color.numpy().reshape(self.height, self.width, 3))
+        sums: NDArray[np.float64] = np.sum(colors, axis=0)
+        return sums

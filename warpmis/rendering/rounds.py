@@ -83,6 +83,8 @@ def trace_rounds(run: Run) -> None:
     """Trace every round, or as many as the stopping rule wants. An allocation depends on earlier rounds alone."""
     integrator, reporter = run.integrator, run.reporter
     for part in integrator.rounds():
+        if reporter.watch is not None and reporter.watch.leaves_out(part):
+            continue
         reporter.phase("learn" if part.learn else "render", part.label)
         trace(part, integrator, reporter)
         if reporter.watch is not None and reporter.watch.stopped:
@@ -96,8 +98,8 @@ def trace_rounds(run: Run) -> None:
 def trace(part: Round, integrator: Integrator, reporter: Reporter) -> None:
     """Trace one round: at once, or piece by piece as the stopping rule deals them out."""
     watch = reporter.watch
-    if watch is None:
-        integrator.trace(part, reporter.advance)
+    if watch is None or not part.is_kept:
+        integrator.trace(part, reporter.advance if watch is None else lambda samples: None)
         return
     for index, piece in watch.pieces(part):
         reporter.total = watch.needed_spp() * integrator.pixels

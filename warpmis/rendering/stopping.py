@@ -32,6 +32,9 @@ LEAST = 64
 # Rounding to be expected of a path: some hundred operations in float32.
 FLOAT32_FLOOR = 1e-5
 
+# Part of a time limit after which no round begins that trains. Such rounds double, so they take half of it at most.
+LEARNING_TIME = 0.25
+
 # A step aims this far beyond the need, since about half of those that aim at it fall short.
 BEYOND = 1.05
 
@@ -82,6 +85,7 @@ class Watch:
         self.estimate: Estimate | None = None
         self.target_spp = math.inf
         self.reason = "samples"
+        self.round_spp, self.round_seconds = 0, 0.0  # when the present round began
 
     @property
     def spp(self) -> int:
@@ -94,15 +98,22 @@ class Watch:
 
     def pieces(self, part: Round) -> Iterator[tuple[int, range]]:
         """What to trace next of a round, and which of the parts `add` is to be told that it belongs to."""
-        end = part.first_sample + part.samples
+        self.round_spp, self.round_seconds = self.spp, self.seconds()
+        end = self.spp + part.samples
+        first = part.first_sample - self.spp  # the picture need not hold all samples before the round
         while self.spp < end and not self.stopped:
             spp = min(self._next_spp(), end)
             ends = [spp * index // PARTS for index in range(PARTS + 1)]
             for index in range(PARTS):
                 count = ends[index + 1] - ends[index] - int(self.counts[index])
                 if count > 0:
-                    yield index, range(self.spp, self.spp + count)
+                    yield index, range(first + self.spp, first + self.spp + count)
             self._look()
+
+    def leaves_out(self, part: Round) -> bool:
+        """Whether there is no time for a round that trains."""
+        limit = self.config.time_limit
+        return part.may_be_left_out and limit is not None and self.seconds() > LEARNING_TIME * limit
 
     def add(self, index: int, piece: range, color: NDArray[np.float64]) -> None:
         """Take in a piece that was traced; `color` is the sum of all samples so far, shape (H, W, 3)."""
@@ -114,7 +125,7 @@ class Watch:
         """Samples per pixel at which the render is expected to end."""
         needed = math.ceil(min(self.config.spp, self.target_spp))
         if self.config.time_limit is not None and self.spp:
-            needed = min(needed, int(self.config.time_limit / self._cost()))
+            needed = min(needed, self.spp + int((self.config.time_limit - self.seconds()) / self._cost()))
         return max(needed, self.spp)
 
     def seconds_left(self) -> float:
@@ -172,8 +183,11 @@ class Watch:
         return f"it is {error}, and the target would take about {self.target_spp:.0f} samples per pixel"
 
     def _cost(self) -> float:
-        """Seconds of one sample per pixel."""
-        return max(self.seconds(), 1e-9) / max(self.spp, 1)
+        """Seconds of one sample per pixel: of this round, or of all before it where it has none."""
+        spp, seconds = self.spp - self.round_spp, self.seconds() - self.round_seconds
+        if spp == 0:
+            spp, seconds = self.spp, self.seconds()
+        return max(seconds, 1e-9) / max(spp, 1)
 
     def _next_spp(self) -> int:
         """Samples per pixel after the next step: twice as many, or what the target needs, or what the time allows."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import time
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 import scenes
 
 import warpmis
-from warpmis import ConfigError, Interrupted, Progress
+from warpmis import Interrupted, Progress
 from warpmis.cache import training
 from warpmis.cache.training import Training, training_rounds
 from warpmis.rendering import guided
@@ -29,9 +31,9 @@ def render(**settings: Any) -> warpmis.RenderResult:
 
 def test_rounds_double_up_to_half_of_the_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    assert training_rounds(9216, 256) == [Training(1, n) for n in (1, 2, 4, 8, 16, 32)]
-    assert training_rounds(9216, 64) == [Training(1, n) for n in (1, 2, 4, 8, 16)]
-    assert [one.is_kept for one in training_rounds(9216, 64)] == [False, False, False, True, True]
+    assert training_rounds(9216, 256) == [Training(1, n, n >= 8) for n in (1, 2, 4, 8, 16, 32)]
+    assert training_rounds(9216, 64) == [Training(1, n, n >= 8) for n in (1, 2, 4, 8, 16)]
+    assert training_rounds(576, 256)[0] == Training(1, 16, False), "it has no guide at all"
     assert training_rounds(256, 16) == []
 
 
@@ -98,9 +100,16 @@ def test_interrupt_while_training_leaves_a_whole_picture() -> None:
     assert np.isfinite(caught.value.result.image).all() and caught.value.result.image.min() >= 0.0
 
 
-def test_stopping_rules_are_refused() -> None:
-    with pytest.raises(ConfigError, match="cannot estimate its error yet"):
-        render(target_error=0.01)
+def test_training_takes_no_more_than_its_part_of_a_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that ticks a second whenever it is read: the picture still has samples in every pixel."""
+    ticks = itertools.count()
+    monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
+    seen: list[str] = []
+    result = render(spp=None, time_limit=40.0, threads=1, progress=lambda report: seen.append(report.detail))
+    assert result.stats["stopping"]["reason"] == "time limit"
+    assert 0.0 < result.stats["seconds"]["learn"] < 30.0 and result.stats["seconds"]["render"] > 0.0
+    assert result.samples.min() >= 1
+    assert "round 7/7" not in seen
 
 
 def test_black_scene_stays_black() -> None:
