@@ -1,12 +1,12 @@
 """What many lights cost, and how much noise they leave:
 
-    python scripts/bench/many_lights.py cost [--counts 1 10 100 1000 10000] [--kinds lamps triangles mix] [--json FILE]
+    python scripts/bench/many_lights.py cost [--counts 1 10 100 1000 10000] [--kinds lamps triangles] [--json FILE]
     python scripts/bench/many_lights.py noise [SCENE ...] [--json FILE]
     python scripts/bench/many_lights.py write FOLDER
 
 cost    CPU time of a sample, of tracing alone, over that of the same hall under one lamp. The hall is 40 m long, with
-        60 crates. lamps: spheres of 4 to 16 cm; triangles: panes that glow; mix: lamps, a sun and a dome. Kinds and
-        counts take turns, a round each; medians with quartiles
+        60 crates. lamps: spheres of 4 to 16 cm; points: points in their places; triangles: panes that glow; mix: lamps,
+        a sun and a dome. Kinds and counts take turns, a round each; medians with quartiles
 noise   relMSE times CPU seconds of tracing, against a reference of many samples: 100 lamps in a hall whose walls hide
         most of them, 10,000 in a street, an inscription of 50,000 triangles that glow
 write   the noise scenes as USD files, for other renderers and other versions of this one: `noise` takes files as well
@@ -72,6 +72,11 @@ def lamp(k: int, center: FloatArray, radius: float, intensity: float) -> str:
     )
 
 
+def point(k: int, center: FloatArray, intensity: float) -> str:
+    text = lamp(k, center, 0.0, intensity)
+    return text.replace("float inputs:radius = 0\n", "bool treatAsPoint = true\n")
+
+
 def camera(place: tuple[float, ...], turn: tuple[float, ...] = (0.0, 0.0, 0.0)) -> str:
     return prim(
         "Camera",
@@ -101,6 +106,8 @@ def hall(kind: str, count: int) -> str:
         panes = places[:, None] + random.normal(size=(count, 4, 3)) * 0.05
         panes[:, 3] = panes[:, 2]  # triangles, as quads with a corner twice
         return stage(*parts, mesh("Panes", panes, 2e6 / count))
+    if kind == "points":
+        return stage(*parts, *(point(k, place, 4e3 / count) for k, place in enumerate(places)))
     parts += [lamp(k, place, random.uniform(0.04, 0.16), 2e5 / count) for k, place in enumerate(places)]
     if kind == "mix":
         parts += [prim("DistantLight", "Sun", "float inputs:intensity = 100"), prim("DomeLight", "Sky")]
@@ -252,7 +259,7 @@ def options() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     of_cost, of_noise = commands.add_parser("cost"), commands.add_parser("noise")
     of_cost.add_argument("--counts", type=int, nargs="+", default=[1, 10, 100, 1000, 10000])
-    of_cost.add_argument("--kinds", nargs="+", default=["lamps", "triangles", "mix"])
+    of_cost.add_argument("--kinds", nargs="+", default=["lamps", "points", "triangles", "mix"])
     of_noise.add_argument("scenes", nargs="*", default=list(NOISE), help=f"{', '.join(NOISE)}, or files")
     of_noise.add_argument("--reference", type=int, default=4096, help="samples per pixel of the reference")
     of_noise.add_argument("--reference-picture", type=Path, help="a reference that another run has written")

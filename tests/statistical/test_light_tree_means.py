@@ -90,11 +90,34 @@ def controlled() -> list[Light]:
     return [replace(light, control=control) for light, control in zip(lamps(), controls, strict=True)]
 
 
+def points() -> list[Light]:
+    """Point lights, of which one is shut in the crate, one shines in a cone and two do not reach all prims."""
+    axis_down = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    reaches = np.array([True, False, True, True])
+    asked = {
+        0: LightControl(shaping=Shaping(axis_down, cone_angle=0.5, cone_softness=0.5)),
+        1: LightControl(illuminates=reaches),
+        2: LightControl(illuminates=~reaches),
+    }
+    places = [(-0.6, 1.8, 0.0), (0.6, 1.6, 0.4), (0.0, 1.9, -0.8), (0.8, 0.3, 0.6), (-0.8, 0.4, 0.7), (-0.1, 0.7, -0.3)]
+    return [
+        SphereLight(f"/point{k}", np.array(place), 0.0, (1.0 + k) * np.ones(3), control=asked.get(k, LightControl()))
+        for k, place in enumerate(places)
+    ]
+
+
+def delta_suns() -> list[Light]:
+    direction = np.array([-0.2, 0.4, 1.0]) / np.linalg.norm([-0.2, 0.4, 1.0])
+    return [DistantLight("/thin sun", direction, 0.0, 4.0 * np.ones(3))]
+
+
 CASES = {
     "a light of each kind": hall(lamps()),
     "lights at infinity too": hall(lamps() + infinite()),
     "two-sided panes alone": hall([], double_sided=True),
     "links, shadow links and cones": hall(controlled()),
+    "points": hall(points()),
+    "points and suns among lamps": hall(points()[1:] + delta_suns() + controlled()),
 }
 LEVEL = sidak(0.01, len(CASES) * len(WAYS) * REGIONS)
 

@@ -30,6 +30,7 @@ PURPOSES = {
     "emitter_lights": "lights",
     "emitter_cdf": "lights",
     "light_tree": "lights",
+    "delta_tree": "lights",
     "rows": "lights",
     "child_nodes": "lights",
     "links": "lights",

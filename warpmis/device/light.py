@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.device.environment import Environment, combine
-from warpmis.device.light_leaves import analytic_leaves, link_bits, triangle_leaves
+from warpmis.device.environment import LUMINANCE, Environment, combine
+from warpmis.device.light_leaves import analytic_leaves, link_bits, point_leaves, triangle_leaves
 from warpmis.device.light_nodes import LightNodes, light_nodes
 from warpmis.device.light_records import FloatArray, delta_records, dome_record, light_records
 from warpmis.device.mesh import grown_boxes
@@ -16,7 +16,7 @@ from warpmis.device.mesh_lights import MeshLights, mesh_lights
 from warpmis.device.struct_arrays import Records, blank
 from warpmis.device.views import LightView
 from warpmis.scene import DistantLight, DomeLight, Scene
-from warpmis.scene.features import has_light_tree, is_delta
+from warpmis.scene.features import has_light_tree, has_point_tree, is_delta
 from warpmis.scene.geometry import Geometry
 from warpmis.scene.light_control import LightControl
 
@@ -29,13 +29,14 @@ class LightTables:
     """The lights of a scene, ready to upload.
 
     Attributes:
-        lights, delta_lights: records: first the analytic lights at a distance, `analytic` of them, then the mesh
-            lights, up to `finite`, then those at infinity.
+        lights: records: first the analytic lights at a distance, `analytic` of them, then the mesh lights, up to
+            `finite`, then those at infinity; delta_lights: first the points, `points` of them.
         mesh: the mesh lights, in the same order.
         environment: all domes as one, or None.
         controls: what is asked of each of the lights and then of the delta lights.
         tree: over the analytic lights at a distance and then the triangles of the mesh lights, or None.
         boxes: of the former, lower and upper corners, shape (analytic, 3) each, where there is a tree.
+        point_tree: over the points, or None; its weights are shares of brightest_point, a luminance.
         prim_links: per prim the bits of the lights that reach it, where there is a tree.
     """
 
@@ -43,18 +44,22 @@ class LightTables:
     delta_lights: Records
     analytic: int
     finite: int
+    points: int
     mesh: MeshLights
     environment: Environment | None
     controls: list[LightControl]
     tree: LightNodes | None = None
     boxes: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+    point_tree: LightNodes | None = None
+    brightest_point: float = 1.0
     prim_links: NDArray[np.uint32] | None = None
 
 
 def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""
     domes = [light for light in scene.lights if isinstance(light, DomeLight)]
-    delta = [light for light in scene.lights if is_delta(light)]
+    points = [light for light in scene.lights if is_delta(light) and not isinstance(light, DistantLight)]
+    delta = points + [light for light in scene.lights if is_delta(light) and isinstance(light, DistantLight)]
     extended = [light for light in scene.lights if not is_delta(light) and not isinstance(light, DomeLight)]
     distant = [light for light in extended if isinstance(light, DistantLight)]
     analytic = [light for light in extended if not isinstance(light, DistantLight)]
@@ -71,11 +76,12 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
         delta_lights=delta_records(delta),
         analytic=len(analytic),
         finite=len(analytic) + len(mesh.records),
+        points=len(points),
         mesh=mesh,
         environment=environment,
         controls=controls + [dome.control for dome in domes[:1]] + [light.control for light in delta],
     )
-    return with_tree(tables, len(scene.prims)) if has_light_tree(scene) else tables
+    return with_trees(tables, scene) if has_light_tree(scene) or has_point_tree(scene) else tables
 
 
 def relative(luminance: NDArray[np.float32]) -> FloatArray:
@@ -87,9 +93,24 @@ def relative(luminance: NDArray[np.float32]) -> FloatArray:
     return np.maximum(found / brightest, MIN_SHARE) if brightest > 0.0 else np.ones_like(found)
 
 
-def with_tree(tables: LightTables, prims: int) -> LightTables:
-    """The tables with a tree over the lights at a distance."""
-    links, prim_links = link_bits(tables.controls[: tables.finite], prims)
+def with_trees(tables: LightTables, scene: Scene) -> LightTables:
+    """The tables with a tree over the lights at a distance, and one over the points, where they are many."""
+    links, prim_links = link_bits(tables.controls, len(scene.prims))
+    tables = replace(tables, prim_links=prim_links)
+    if has_light_tree(scene):
+        tables = with_tree(tables, links)
+    if has_point_tree(scene):
+        points = slice(len(tables.lights), len(tables.lights) + tables.points)
+        records, controls = tables.delta_lights[: tables.points], tables.controls[points]
+        intensity = (records["intensity"] * [control.mean_share for control in controls]) @ LUMINANCE
+        leaves = point_leaves(records["vector"].astype(np.float64), relative(intensity), controls, links[points])
+        brightest = float(np.nanmax(np.minimum(intensity, np.finfo(np.float32).max)))
+        tables = replace(tables, point_tree=light_nodes(leaves, 0), brightest_point=brightest)
+    return tables
+
+
+def with_tree(tables: LightTables, links: NDArray[np.uint32]) -> LightTables:
+    """The tables with a tree over the lights at a distance; `links` as of link_bits, for each of `controls`."""
     records, mesh, of_mesh = tables.lights[: tables.analytic], tables.mesh, tables.analytic + tables.mesh.lights
     leaves = analytic_leaves(records, tables.controls, links[: tables.analytic])
     boxes = grown_boxes(leaves.low, leaves.high)
@@ -97,4 +118,4 @@ def with_tree(tables: LightTables, prims: int) -> LightTables:
         luminance = tables.lights["luminance"][of_mesh].astype(np.float64)
         two_sided = mesh.records["two_sided"][mesh.lights] != 0
         leaves = leaves.then(triangle_leaves(mesh.corners, luminance, two_sided, links[of_mesh]))
-    return replace(tables, tree=light_nodes(leaves, tables.analytic), boxes=boxes, prim_links=prim_links)
+    return replace(tables, tree=light_nodes(leaves, tables.analytic), boxes=boxes)

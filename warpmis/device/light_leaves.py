@@ -74,8 +74,7 @@ def analytic_leaves(records: Records, controls: Sequence[LightControl], links: N
     for i, control in enumerate(controls[: len(kind)]):
         if control.shaping is not None:
             widest = emission_angle(control.shaping)
-            if control.shaping.ies is not None:  # its mean is that over the sphere
-                weight[i] *= 2.0 / max(1.0 - np.cos(widest), 1e-3)
+            weight[i] *= over_cone(control.shaping, widest)
             towards = -control.shaping.to_world[:, 2]
             # A flat light that is sheared has its front elsewhere: that of its plane alone is sure.
             if widest < cone[i] and (not is_flat[i] or towards @ axis[i] > 1.0 - 1e-6):
@@ -92,6 +91,40 @@ def analytic_leaves(records: Records, controls: Sequence[LightControl], links: N
         two_sided=np.zeros(len(kind), bool),
         links=links,
     )
+
+
+def point_leaves(
+    place: FloatArray, intensity: FloatArray, controls: Sequence[LightControl], links: NDArray[np.uint32]
+) -> LightLeaves:
+    """The leaves of point lights.
+
+    Args:
+        place: shape (n, 3); intensity: its luminance in any unit, shape (n,), above 0.
+    """
+    count = len(place)
+    axis, cone = np.tile((0.0, 0.0, 1.0), (count, 1)), np.full(count, np.pi)
+    weight = intensity.copy()
+    for i, control in enumerate(controls):
+        if control.shaping is not None:
+            axis[i], cone[i] = -control.shaping.to_world[:, 2], emission_angle(control.shaping)
+            weight[i] *= over_cone(control.shaping, cone[i])
+    return LightLeaves(
+        low=place,
+        high=place,
+        mean=place,
+        variance=np.zeros(count),
+        weight=weight,
+        axis=axis,
+        cone=np.minimum(cone + CONE_SLACK, np.pi),
+        directed=np.zeros(count),
+        two_sided=np.zeros(count, bool),
+        links=links,
+    )
+
+
+def over_cone(shaping: Shaping, angle: float) -> float:
+    """A profile's mean over the cone that it shines in, over that over the sphere, which LightControl states."""
+    return 1.0 if shaping.ies is None else 2.0 / max(1.0 - float(np.cos(angle)), 1e-3)
 
 
 def emission_angle(shaping: Shaping) -> float:

@@ -15,6 +15,7 @@ from warpmis.device.environment import distribution
 from warpmis.device.instances import largest_shrinking, place_primvars, upload_instances
 from warpmis.device.light import LightTables, light_tables
 from warpmis.device.light_control import control_view
+from warpmis.device.light_nodes import LightNodes
 from warpmis.device.material import MaterialTables, material_tables, texels_of, upload_materials
 from warpmis.device.mesh import front_normals, padded_boxes
 from warpmis.device.order import first_use_order, morton_order
@@ -225,6 +226,7 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
     """The lights into the view; what it then points into is returned, to be kept alive."""
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
     view.finite_light_count, view.analytic_light_count = tables.finite, tables.analytic
+    view.delta_point_count = tables.points
     none = blank(LightView, 1)
     view.lights = wp.array(tables.lights if len(tables.lights) else none, dtype=LightView)
     if len(tables.delta_lights):
@@ -235,22 +237,28 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
         view.prims = wp.array(geometry.prims, dtype=int)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
-    trees = [*upload_light_tree(view, tables, bool(controls)), *upload_emitters(view, geometry, tables)]
-    return (*trees, controls)
+    if controls and tables.prim_links is not None:
+        view.prim_links = wp.array(tables.prim_links.view(np.int32), dtype=int)
+    if tables.point_tree is not None:
+        view.delta_tree = tree_view(tables.point_tree)
+        view.delta_brightest = tables.brightest_point
+    return (*upload_light_tree(view, tables), *upload_emitters(view, geometry, tables), controls)
 
 
-def upload_light_tree(view: SceneView, tables: LightTables, has_links: bool) -> list[wp.Bvh]:
+def tree_view(nodes: LightNodes) -> LightTreeView:
+    view = LightTreeView()
+    view.rows = wp.array(nodes.rows, dtype=vec8f)
+    view.child_nodes, view.links = (wp.array(a.ravel(), dtype=int) for a in (nodes.children, nodes.links))
+    view.analytic = wp.array(nodes.analytic, dtype=int)
+    view.paths = wp.array(nodes.paths, dtype=wp.uint64)
+    return view
+
+
+def upload_light_tree(view: SceneView, tables: LightTables) -> list[wp.Bvh]:
     """What chooses among many lights, and what rays meet the analytic ones through."""
     if tables.tree is None or tables.boxes is None:
         return []
-    nodes, tree_view = tables.tree, LightTreeView()
-    tree_view.rows = wp.array(nodes.rows, dtype=vec8f)
-    tree_view.child_nodes, tree_view.links = (wp.array(a.ravel(), dtype=int) for a in (nodes.children, nodes.links))
-    tree_view.analytic = wp.array(nodes.analytic, dtype=int)
-    tree_view.paths = wp.array(nodes.paths, dtype=wp.uint64)
-    view.light_tree = tree_view
-    if has_links and tables.prim_links is not None:
-        view.prim_links = wp.array(tables.prim_links.view(np.int32), dtype=int)
+    view.light_tree = tree_view(tables.tree)
     if tables.analytic == 0 or wp.get_device().is_cpu:  # whose rays go through the same nodes
         return []
     tree = wp.Bvh(*(wp.array(corners, dtype=wp.vec3) for corners in tables.boxes))

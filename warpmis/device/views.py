@@ -321,9 +321,10 @@ class SceneView:
     analytic_light_count are no mesh lights. emitter_triangles: the mesh lights' triangles; emitter_lights: the light of
     each; emitter_cdf: the cumulative share of that light's area. light_tree: of many lights,
     over the analytic ones and emitter_triangles; light_bvh: on a GPU, over the boxes of the analytic ones; prim_links:
-    per prim the bits of the lights that reach it. controls: one for each of `lights`, then one for each of
-    `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there are controls or
-    ids are asked for; faces, copies: the same for ids;
+    per prim the bits of the lights that reach it. delta_lights: first the points, delta_point_count of them;
+    delta_tree: over many points, whose weights are shares of delta_brightest. controls: one for each of `lights`, then
+    one for each of `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there
+    are controls or ids are asked for; faces, copies: the same for ids;
     varying, cache: one record each, in an array so that the scene stays small: device functions take it by value.
     cache: none where no path asks for it.
     """
@@ -349,6 +350,9 @@ class SceneView:
     prim_links: wp.array(dtype=int)
     delta_lights: wp.array(dtype=DeltaLightView)
     delta_light_count: int
+    delta_point_count: int
+    delta_tree: LightTreeView
+    delta_brightest: float
     controls: wp.array(dtype=ControlView)
     prims: wp.array(dtype=int)
     faces: wp.array(dtype=int)

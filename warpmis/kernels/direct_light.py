@@ -47,7 +47,7 @@ def make_direct_light(
 ) -> SimpleNamespace:
     """Functions for one set of effects: from_delta_light; light_sample and shadowed, and both in one as
     from_light_sample."""
-    sample_delta_light = make_delta_light(features, lights.control)
+    sample_delta_light = make_delta_light(features, lights.control, lights.tree)
 
     @wp.func
     def from_delta_light(scene: SceneView, r: wp.ref[Receiver], vertex: wp.ref[Vertex]) -> DirectLight:

@@ -28,7 +28,8 @@ class Features:
     Attributes:
         rect_light .. mesh_light: lights by kind; delta_light: point lights and distant lights of angle 0.
         dome_constant, dome_picture: an environment of one colour, or a lat-long picture.
-        light_tree: so many lights that they are chosen by a tree, and rays meet them through one.
+        light_tree: so many lights at a distance, or so many points, that they are chosen by trees; rays meet the former
+            through theirs.
         shaping: lights that shine not alike in all directions; ies: those by a profile.
         light_pictures: rect lights with a picture; light_tints: geometry that lights in another color than it glows.
         light_response: lights that diffuse and specular lobes see differently.
@@ -139,8 +140,13 @@ def is_delta(light: object) -> bool:
     return isinstance(light, DistantLight) and light.half_angle == 0.0
 
 
+def has_point_tree(scene: Scene) -> bool:
+    """Whether the point lights are too many to weigh one by one."""
+    return sum(is_delta(light) and not isinstance(light, DistantLight) for light in scene.lights) > FEW_LIGHTS
+
+
 def has_light_tree(scene: Scene) -> bool:
-    """Whether the lights at a distance, triangles that emit among them, are too many to weigh one by one."""
+    """Whether the lights of an extent at a distance, triangles that emit among them, are too many for that."""
     emits = np.array([is_emissive(material) for material in scene.materials] or [False])
     triangles = int(emits[scene.geometry.materials].sum()) if len(scene.geometry.materials) else 0
     at_infinity = DistantLight | DomeLight
@@ -177,7 +183,7 @@ def detect(scene: Scene) -> Features:
         dome_picture=any(d.picture is not None for d in domes),
         mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
-        light_tree=has_light_tree(scene),
+        light_tree=has_light_tree(scene) or has_point_tree(scene),
         shaping=any(control.shaping is not None for control in controls),
         ies=any(control.shaping is not None and control.shaping.ies is not None for control in controls),
         light_pictures=any(control.picture is not None for control in controls),

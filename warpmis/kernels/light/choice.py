@@ -157,15 +157,16 @@ def make_choice(features: Features) -> SimpleNamespace:
         r.prim = prim
         r.u_fine = u_fine
         r.choice.light = NO_LIGHT
+        if wp.static(features.light_tree):
+            r.links = -1
+            if wp.static(features.light_links):
+                if scene.prim_links.shape[0] > 0:
+                    r.links = scene.prim_links[prim]
         if is_turned_away(scene, r):
             return r
         of_root = vec8f()
         if wp.static(features.light_tree):
             if has_tree(scene):
-                r.links = -1
-                if wp.static(features.light_links):
-                    if scene.prim_links.shape[0] > 0:
-                        r.links = scene.prim_links[prim]
                 of_root = tree.importances(scene.light_tree, 0, r)
                 r.finite = wp.dot(of_root, splat8(1.0))
         in_tree = r.finite

@@ -1,10 +1,14 @@
-"""Delta lights: of one direction or one point, which no sampled direction can hit. They have a list of their own."""
+"""Delta lights: of one direction or one point, which no sampled direction can hit. They have a list of their own.
+
+A few are weighed one by one. Of many points one is chosen by a tree (tree.py), whose root stands for all of them.
+"""
 
 from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import DELTA_DISTANT, SceneView
+from warpmis.device.views import DELTA_DISTANT, SceneView, vec8f
+from warpmis.kernels.lanes import splat8
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.records import NO_LIGHT, Receiver
 from warpmis.kernels.shading_frame import luminance
@@ -30,8 +34,8 @@ class DeltaSample:
     inverse_pmf: float
 
 
-def make_delta_light(features: Features, control: SimpleNamespace) -> wp.Function:
-    """The function sample_delta_light."""
+def make_delta_light(features: Features, control: SimpleNamespace, tree: SimpleNamespace) -> wp.Function:
+    """The function sample_delta_light; `tree` as of make_light_tree."""
 
     @wp.func
     def delta_light(scene: SceneView, index: int, r: wp.ref[Receiver]) -> DeltaSample:
@@ -65,18 +69,32 @@ def make_delta_light(features: Features, control: SimpleNamespace) -> wp.Functio
         chosen.index = NO_LIGHT
         total = float(0.0)
         u_remapped = float(u)
-        for i in range(scene.delta_light_count):
+        first = int(0)
+        in_tree = float(0.0)
+        of_root = vec8f()
+        if wp.static(features.light_tree):
+            if scene.delta_tree.child_nodes.shape[0] > 0:
+                first = scene.delta_point_count
+                of_root = tree.importances(scene.delta_tree, 0, r)
+                in_tree = wp.dot(of_root, splat8(1.0)) * scene.delta_brightest
+                total = in_tree
+        for i in range(first, scene.delta_light_count):
             s = delta_light(scene, i, r)
             if s.importance > 0.0:
                 total += s.importance
                 p = s.importance / total
-                if u_remapped < p or chosen.index == NO_LIGHT:
+                if u_remapped < p or total == s.importance:
                     u_remapped = u_remapped / p
                     chosen = s
                 else:
                     u_remapped = (u_remapped - p) / (1.0 - p)
         if chosen.index != NO_LIGHT:
             chosen.inverse_pmf = total / chosen.importance
+        elif in_tree > 0.0:
+            if wp.static(features.light_tree):
+                leaf = tree.choose_leaf(scene.delta_tree, r, of_root, u_remapped)
+                chosen = delta_light(scene, leaf.leaf, r)
+                chosen.inverse_pmf = total / (in_tree * leaf.pmf)
         return chosen
 
     return sample_delta_light

@@ -21,7 +21,8 @@ wp.set_module_options({"enable_backward": False})
 
 def make_lights(features: Features) -> SimpleNamespace:
     """Light functions for the kinds in `features`: receiver, importance_of, density, sample, sample_finite,
-    sample_infinite, sample_light, hit, gather, emitter_density, pdf_emitter_triangles, and those of `control`."""
+    sample_infinite, sample_light, hit, gather, emitter_density, pdf_emitter_triangles; and those of
+    `control` and `tree`."""
     chooser = make_choice(features)
     kinds = make_kinds(features)
     control = make_control(features)
@@ -78,4 +79,5 @@ def make_lights(features: Features) -> SimpleNamespace:
         emitter_density=on_ray.emitter_density,
         pdf_emitter_triangles=on_ray.pdf_emitter_triangles,
         control=control,
+        tree=chooser.tree,
     )
