@@ -70,6 +70,8 @@ class Reading:
         value = self.value(attribute)
         if value is None:
             return default
+        if like is None and type(value) is type(default):  # to ask USD for the attribute's type takes long
+            return value
         if not is_alike(value, attribute.GetTypeName().defaultValue if like is None else like):
             name = attribute.GetTypeName() if like is None else type_name(like)
             self.warn(attribute.GetPath(), f"left out: its value is not of type {name}")

@@ -12,6 +12,9 @@ from warpmis.usd.reading import Reading
 # API schemas of lights whose attributes count only where the schema is applied, by the attributes' beginning.
 LIGHT_APIS = {"inputs:shaping:": UsdLux.ShapingAPI, "inputs:shadow:": UsdLux.ShadowAPI}
 
+# By a prim's type and the API schemas that are applied to it.
+KNOWN_NAMES: dict[tuple[str, ...], frozenset[str]] = {}
+
 
 def warn_unread(prim: Any, reading: Reading) -> None:
     """Warnings for a prim of the scene: an unknown type, a drawMode, and attributes of lights that do not count."""
@@ -38,7 +41,7 @@ def _warn_of_draw_mode(prim: Any, reading: Reading) -> None:
 
 def _warn_of_light_attributes(prim: Any, reading: Reading) -> None:
     path, authored = prim.GetPath(), sorted(str(name) for name in prim.GetAuthoredPropertyNames())
-    known = {str(name) for name in prim.GetPrimDefinition().GetPropertyNames()} | api_attributes()
+    known = _known_names(prim)
     old = [name for name in authored if f"inputs:{name}" in known and f"inputs:{name}" not in authored]
     if old:
         reading.warn(path, f"not read: {', '.join(old)}: since USD 21.02 these names begin with inputs:")
@@ -49,6 +52,15 @@ def _warn_of_light_attributes(prim: Any, reading: Reading) -> None:
     connected = [name for name in authored if name.startswith("inputs:") and _is_connected(prim, name)]
     if connected:
         reading.warn(path, f"not supported: what {', '.join(connected)} of a light is connected to; its value is used")
+
+
+def _known_names(prim: Any) -> frozenset[str]:
+    """The names of all that the prim's schemas define, and of api_attributes."""
+    schemas = (str(prim.GetTypeName()), *map(str, prim.GetAppliedSchemas()))
+    if schemas not in KNOWN_NAMES:
+        names = prim.GetPrimDefinition().GetPropertyNames()
+        KNOWN_NAMES[schemas] = frozenset(map(str, names)) | api_attributes()
+    return KNOWN_NAMES[schemas]
 
 
 @cache

@@ -51,6 +51,9 @@ def _linked(path: str, control: LightControl, paths: list[str], reading: Reading
     prim = reading.stage.GetPrimAtPath(path) if path else None
     if not prim or not prim.HasAPI(UsdLux.LightAPI):
         return control
+    authored = map(str, prim.GetAuthoredPropertyNames())
+    if not prim.HasAPI(UsdLux.ShadowAPI) and not any(name.startswith("collection:") for name in authored):
+        return control
     light = UsdLux.LightAPI(prim)
     reached = members(light.GetLightLinkCollectionAPI(), paths, reading)
     casters = members(light.GetShadowLinkCollectionAPI(), paths, reading)
