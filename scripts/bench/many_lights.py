@@ -5,8 +5,8 @@
     python scripts/bench/many_lights.py write FOLDER
 
 cost    CPU time of a sample, of tracing alone, over that of the same hall under one lamp. The hall is 40 m long, with
-        60 crates. lamps: spheres of 4 to 16 cm; points: points in their places; triangles: panes that glow; mix: lamps,
-        a sun and a dome. Kinds and counts take turns, a round each; medians with quartiles
+        60 crates. lamps: spheres of 4 to 16 cm, smaller above 1,000; points: points in their places; triangles: panes
+        that glow; mix: lamps, a sun and a dome. Kinds and counts take turns, a round each; medians with quartiles
 noise   relMSE times CPU seconds of tracing, against a reference of many samples: 100 lamps in a hall whose walls hide
         most of them, 10,000 in a street, an inscription of 50,000 triangles that glow
 write   the noise scenes as USD files, for other renderers and other versions of this one: `noise` takes files as well
@@ -108,7 +108,10 @@ def hall(kind: str, count: int) -> str:
         return stage(*parts, mesh("Panes", panes, 2e6 / count))
     if kind == "points":
         return stage(*parts, *(point(k, place, 4e3 / count) for k, place in enumerate(places)))
-    parts += [lamp(k, place, random.uniform(0.04, 0.16), 2e5 / count) for k, place in enumerate(places)]
+    # 100,000 of that size would fill the hall: a ray would pass through thirteen.
+    size = min(1.0, (1000 / count) ** 0.5)
+    intensity = 2e5 / (count * size**2)
+    parts += [lamp(k, place, size * random.uniform(0.04, 0.16), intensity) for k, place in enumerate(places)]
     if kind == "mix":
         parts += [prim("DistantLight", "Sun", "float inputs:intensity = 100"), prim("DomeLight", "Sky")]
     return stage(*parts)
