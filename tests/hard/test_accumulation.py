@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from usd.stages import stage_of
 
 import warpmis
-from warpmis.kernels.accumulation import add_value, merge_spreads
+from warpmis.kernels.accumulation import add_value
 
 SAMPLES = 4_000_000
 ROUNDS = (1, 2, 999, 98_998, 1_300_000, 2_600_000)
@@ -26,19 +26,18 @@ def accumulate(
     film: wp.array(dtype=wp.vec2d),
     accepted: wp.array(dtype=int),
 ):
-    """One round of a pixel as the trace kernel adds it up; `naive`: the spread as sum of squares less squared sum."""
+    """One round of a pixel as the trace kernel adds it up; `naive`: sum and sum of squares in place of the spread."""
     pixel = wp.tid()
-    spread = wp.vec2d()
-    sums = wp.vec2d()
+    spread = film[pixel]
+    taken = accepted[pixel]
     for k in range(count):
         y = wp.float64(samples[pixel, first + k])
-        spread = add_value(spread, k, y)
-        sums += wp.vec2d(y, y * y)
-    if naive != 0:
-        mean = sums[0] / wp.float64(count)
-        spread = wp.vec2d(mean, sums[1] - sums[0] * mean)
-    film[pixel] = merge_spreads(film[pixel], accepted[pixel], spread, count)
-    accepted[pixel] = accepted[pixel] + count
+        if naive != 0:
+            spread += wp.vec2d(y, y * y)
+        else:
+            spread = add_value(spread, taken + k, y)
+    film[pixel] = spread
+    accepted[pixel] = taken + count
 
 
 def accumulated(samples: NDArray[np.float32], naive: bool = False) -> NDArray[np.float64]:
@@ -52,7 +51,11 @@ def accumulated(samples: NDArray[np.float32], naive: bool = False) -> NDArray[np
         wp.launch(accumulate, dim=pixels, inputs=[values, first, count, int(naive), film, accepted], device="cpu")
         first += count
     assert (accepted.numpy() == SAMPLES).all()
-    return film.numpy() / np.array([1.0, SAMPLES - 1.0])
+    found: NDArray[np.float64] = film.numpy().copy()
+    if naive:
+        found[:, 0] /= SAMPLES
+        found[:, 1] -= SAMPLES * found[:, 0] ** 2
+    return found / np.array([1.0, SAMPLES - 1.0])
 
 
 def hard_samples() -> dict[str, NDArray[np.float32]]:

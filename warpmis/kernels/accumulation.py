@@ -1,4 +1,4 @@
-"""Samples into a pixel: their sums over one launch, and these into the film.
+"""Samples into a pixel: a launch takes its sums from the film, adds to them, and puts them back.
 
 The spread of a pixel's luminance is kept as mean and sum of squared deviations, which lose no digits where the mean is
 large against the spread.
@@ -25,24 +25,9 @@ def add_value(spread: wp.vec2d, count: int, y: wp.float64) -> wp.vec2d:
     return wp.vec2d(mean, spread[1] + delta * (y - mean))
 
 
-@wp.func
-def merge_spreads(a: wp.vec2d, a_count: int, b: wp.vec2d, b_count: int) -> wp.vec2d:
-    """(mean, sum of squared deviations) of the values of both.
-
-    Reference: Chan, Golub, LeVeque (1983), "Algorithms for Computing the Sample Variance", equation 2.1.
-    """
-    if b_count == 0:
-        return a
-    n = wp.float64(a_count)
-    m = wp.float64(b_count)
-    delta = b[0] - a[0]
-    mean = a[0] + delta * m / (n + m)
-    return wp.vec2d(mean, a[1] + b[1] + delta * delta * n * m / (n + m))
-
-
 @wp.struct
 class PixelSums:
-    """What one launch adds to a pixel of the film: FilmView's fields, each a sum over the launch's samples."""
+    """A pixel of the film while a launch adds samples to it: FilmView's fields."""
 
     color: wp.vec3d
     luminance: wp.vec2d
@@ -89,17 +74,37 @@ def depth_of(camera: CameraView, ray: CameraRay, first: FirstHit) -> float:
 
 
 @wp.func
-def add_to_film(film: FilmView, pixel: int, sums: wp.ref[PixelSums]):
-    """Add a launch's sums to a pixel, which no other thread writes."""
-    accepted = film.accepted[pixel]
-    film.color[pixel] = film.color[pixel] + sums.color
-    film.luminance[pixel] = merge_spreads(film.luminance[pixel], accepted, sums.luminance, sums.accepted)
-    film.albedo[pixel] = film.albedo[pixel] + sums.albedo
-    film.normal[pixel] = film.normal[pixel] + sums.normal
-    film.depth[pixel] = film.depth[pixel] + sums.depth
-    film.alpha[pixel] = film.alpha[pixel] + sums.alpha
-    film.hits[pixel] = film.hits[pixel] + sums.hits
-    film.accepted[pixel] = accepted + sums.accepted
-    film.rejected[pixel] = film.rejected[pixel] + sums.rejected
-    film.rays[pixel] = film.rays[pixel] + sums.rays
-    film.shadow_rays[pixel] = film.shadow_rays[pixel] + sums.shadow_rays
+def sums_in_film(film: FilmView, pixel: int) -> PixelSums:
+    """What the film holds of a pixel.
+
+    A launch goes on from there sample by sample, so that no bit of the sums tells how samples were cut into launches.
+    """
+    sums = PixelSums()
+    sums.color = film.color[pixel]
+    sums.luminance = film.luminance[pixel]
+    sums.albedo = film.albedo[pixel]
+    sums.normal = film.normal[pixel]
+    sums.depth = film.depth[pixel]
+    sums.alpha = film.alpha[pixel]
+    sums.hits = film.hits[pixel]
+    sums.accepted = film.accepted[pixel]
+    sums.rejected = film.rejected[pixel]
+    sums.rays = film.rays[pixel]
+    sums.shadow_rays = film.shadow_rays[pixel]
+    return sums
+
+
+@wp.func
+def put_into_film(film: FilmView, pixel: int, sums: wp.ref[PixelSums]):
+    """Replace a pixel's sums, which no other thread writes."""
+    film.color[pixel] = sums.color
+    film.luminance[pixel] = sums.luminance
+    film.albedo[pixel] = sums.albedo
+    film.normal[pixel] = sums.normal
+    film.depth[pixel] = sums.depth
+    film.alpha[pixel] = sums.alpha
+    film.hits[pixel] = sums.hits
+    film.accepted[pixel] = sums.accepted
+    film.rejected[pixel] = sums.rejected
+    film.rays[pixel] = sums.rays
+    film.shadow_rays[pixel] = sums.shadow_rays

@@ -5,7 +5,7 @@ import warp as wp
 from warpmis.device.kernel_factory import KernelFunction, kernel_factory
 from warpmis.device.views import CameraView, FilmView, RoundView, SceneView
 from warpmis.kernels import lattice, rng
-from warpmis.kernels.accumulation import PixelSums, add_rays, add_sample, add_to_film, depth_of
+from warpmis.kernels.accumulation import add_rays, add_sample, depth_of, put_into_film, sums_in_film
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.learning import make_learning
 from warpmis.kernels.path.li import make_path
@@ -87,8 +87,10 @@ def make_trace(features: Features) -> KernelFunction:
         if wp.static(has_strategies):
             shares = allocation[index]
 
-        sums = PixelSums()
+        sums = sums_in_film(film, index)
         moments = vec_k()
+        if wp.static(learning.is_on):
+            moments = moment_sums[index]
         for k in range(first_sample, round.end_sample):
             key = random_key(round, pixel, k)
             u_pixel = sampler.of_pixel(key, rng.CAMERA)
@@ -99,8 +101,8 @@ def make_trace(features: Features) -> KernelFunction:
             if wp.static(learning.is_on):
                 if is_accepted:
                     learning.add(moments, path, round.direct_only)
-        add_to_film(film, index, sums)
+        put_into_film(film, index, sums)
         if wp.static(learning.is_on):
-            moment_sums[index] = moment_sums[index] + moments
+            moment_sums[index] = moments
 
     return trace
