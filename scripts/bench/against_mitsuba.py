@@ -2,9 +2,9 @@
 
     python scripts/bench/against_mitsuba.py [SCENE ...] [--spp 64] [--seeds 8] [--repeats 5] [--json FILE]
 
-Needs the extra `peer`. Scenes are those that tests/peer/mitsuba_scene.py converts; both renderers have the same
-resolution, box filter, number of bounces and Russian roulette, and all the threads there are, and each its own sampler:
-warpmis the one by default, Mitsuba that of --their-sampler, "independent" if nothing is said, as it is by default.
+Needs the extra `peer`. Scenes are folders of usd_scenes, or files, that tests/peer/mitsuba_scene.py converts; both
+renderers have the same resolution, box filter, number of bounces and Russian roulette, and all the threads there are,
+and each its own sampler: warpmis the one by default, Mitsuba that of --their-sampler, "independent" if nothing is said.
 Mitsuba's multiple importance sampling is by the power heuristic. Where a path passes one of our lights, Mitsuba counts
 a bounce: its paths are a little shorter there.
 
@@ -168,7 +168,7 @@ def over_scenes(report: dict[str, dict[str, list[Quotients]]]) -> dict[str, list
 
 def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="*", default=SCENES, help="names of folders in usd_scenes")
+    parser.add_argument("scenes", nargs="*", default=SCENES, help="names of folders in usd_scenes, or files")
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--width", type=int, default=128)
     parser.add_argument("--max-depth", type=int, default=8)
@@ -187,7 +187,8 @@ def main() -> None:
             print(f"{variant} is left out: it does not render on this machine (--help says what it needs)")
     report: dict[str, Any] = {}
     for name in arguments.scenes:
-        scene = warpmis.load_stage(USD_SCENES / name / "scene.usda", width=arguments.width)
+        path = Path(name) if Path(name).is_file() else USD_SCENES / name / "scene.usda"
+        scene = warpmis.load_stage(path, width=arguments.width)
         report[name] = compare(scene, usable, arguments)
         print(
             f"\n{name}, {arguments.width} pixels wide, {arguments.spp} samples per pixel", *rows(report[name]), sep="\n"
