@@ -41,7 +41,7 @@ ALLOWED: dict[str, set[str]] = {
         "rendering", "scene", "usd", "",
     },
     "__main__": {"cli"},
-    "": {"config", "errors", "rendering", "scene", "usd"},
+    "": {"config", "errors", "output.notebook", "rendering", "scene", "usd"},
 }  # fmt: skip
 
 # Which layers may import what is heavy, optional or about the outside.
@@ -52,6 +52,8 @@ EXTERNAL: dict[str, set[str]] = {
     "rich": {"cli"},
     "flip_evaluator": {"compare"},
     "pyoidn": {"film"},
+    "IPython": {"output"},
+    "distributed": {"cluster"},
 }
 
 SOURCES = sorted(PACKAGE.rglob("*.py"))

@@ -12,6 +12,7 @@ from warpmis.errors import ConfigError, Interrupted, StageError, WarpmisError
 
 if TYPE_CHECKING:
     from warpmis.config import LearnConfig, RenderConfig
+    from warpmis.output.notebook import notebook_preview
     from warpmis.rendering.progress import Progress
     from warpmis.rendering.render import render
     from warpmis.rendering.result import RenderResult
@@ -34,6 +35,7 @@ __all__ = [
     "WarpmisError",
     "__version__",
     "load_stage",
+    "notebook_preview",
     "render",
 ]
 
@@ -45,6 +47,7 @@ _HOME = {
     "RenderStats": "warpmis.rendering.stats",
     "Scene": "warpmis.scene",
     "load_stage": "warpmis.usd",
+    "notebook_preview": "warpmis.output.notebook",
     "render": "warpmis.rendering.render",
 }
 

@@ -49,6 +49,7 @@ class SettingsDict(TypedDict, total=False):
         camera: path of the camera, "" where one was supplied.
         shutter_samples: number of times within the shutter's interval, if there were several.
         denoise: whether there is a denoised picture.
+        interrupted: of a picture with fewer samples than were asked for, how many it has; missing from others.
     """
 
     width: int | None
@@ -70,6 +71,7 @@ class SettingsDict(TypedDict, total=False):
     camera: str
     shutter_samples: int
     denoise: bool
+    interrupted: str
 
 
 @dataclass(frozen=True, kw_only=True)

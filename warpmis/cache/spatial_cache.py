@@ -25,6 +25,10 @@ TREE_RECORDS = 50_000
 # What is added up of each record.
 COLUMNS = ("tail", "light", "cost", "bsdf_ratio", "radiance", "jacobian")
 
+# What a state holds of the cache, beside its moments, and of its tree.
+LEARNED = ("rounds", "shares", "tail_worth", "light_worth", "histogram", "densities")
+TREE = ("axis", "child", "split", "leaf_of")
+
 
 class SpatialCache:
     """What has been learned about the light in a scene, in cells of position and normal.
@@ -103,6 +107,20 @@ class SpatialCache:
             light=add(columns["light"]),
             cost=add(columns["cost"]),
         )
+
+    def state(self) -> dict[str, Any]:
+        """All that has been learned, as plain arrays."""
+        own = {name: getattr(self, name) for name in LEARNED}
+        tree = {name: getattr(self.tree, name) for name in TREE}
+        return {**own, "tree": tree, "moments": dict(vars(self.moments))}
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Go on from a state."""
+        for name in LEARNED:
+            setattr(self, name, state[name])
+        for name in TREE:
+            setattr(self.tree, name, state["tree"][name])
+        self.moments = CellMoments(**state["moments"])
 
     def nodes(self) -> wp.array:
         """The tree over the cells, for kernels."""

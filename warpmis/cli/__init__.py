@@ -17,13 +17,13 @@ from typing import NoReturn
 import warpmis
 from warpmis.cli import compare, compile, inspect, render
 from warpmis.cli.console import fail, load_pxr
+from warpmis.cli.signals import as_interrupts, name_of, status_of
 from warpmis.cli.streams import Forgiving, open_closed_streams, output_is_closed
 from warpmis.errors import ConfigError, WarpmisError
 
 EXIT_DONE = 0
 EXIT_ERROR = 1
 EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
 
 
 def program() -> NoReturn:
@@ -44,17 +44,19 @@ def program() -> NoReturn:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status; never raises but argparse's SystemExit."""
     arguments = _parsed(argv)
+    caught: list[int] = []
     try:
         if getattr(arguments, "json", False) and output_is_closed():
             raise ConfigError("--json prints on standard output, which is closed; open it or drop --json")
         load_pxr()
-        arguments.run(arguments)
+        with as_interrupts() as caught:
+            arguments.run(arguments)
     except ConfigError as error:
         return fail(str(error), EXIT_USAGE)
     except WarpmisError as error:
         return fail(str(error), EXIT_ERROR)
     except KeyboardInterrupt:
-        return fail("interrupted", EXIT_INTERRUPTED)
+        return fail(f"interrupted{name_of(caught)}", status_of(caught))
     except Exception as error:
         if os.environ.get("WARPMIS_TRACEBACK") == "1":
             traceback.print_exc()

@@ -110,6 +110,7 @@ def run(arguments: argparse.Namespace) -> None:
     folder = make_folder(arguments.out)
     start_warp()
     from warpmis.compare.measure import Settings, run_experiment
+    from warpmis.compare.partial import keep_measured
 
     sized = arguments.image_width is not None or arguments.image_height is not None
     width = arguments.image_width if sized else DEFAULT_WIDTH
@@ -117,6 +118,11 @@ def run(arguments: argparse.Namespace) -> None:
     with progress_bar(quiet=arguments.quiet) as show:
         scene = warpmis.load_stage(arguments.stage, width=width, **stage_options(arguments))
         experiment = run_experiment(scene, variants, asked, show)
+    if experiment.is_interrupted:
+        lines = keep_measured(experiment.measurements)
+        if not lines:
+            raise KeyboardInterrupt
+        experiment.left_out += lines
     summary = write_comparison(experiment, arguments.stage, folder)
     if not arguments.quiet:
         for kind in ("warnings", "notes"):
@@ -127,6 +133,8 @@ def run(arguments: argparse.Namespace) -> None:
     elif not arguments.quiet:
         _print_table(summary)
         say(f"{os.path.join(arguments.out, REPORT)}")
+    if experiment.is_interrupted:
+        raise KeyboardInterrupt
 
 
 def _settings(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from warpmis.cli.explain import explain
 from warpmis.cli.frame_ranges import frame_list
 from warpmis.cli.jobs import Job, jobs_of
 from warpmis.cli.option_values import error_share, name_list, number_list, time_in_seconds, whole_number
+from warpmis.cli.shot import Shot, add_shot_options
 from warpmis.cli.stage_options import add_stage_options, given, stage_options
 from warpmis.cli.streams import print_result
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
@@ -54,6 +55,7 @@ def add_parser(commands: Any) -> None:
         help="render a sequence of time codes, such as 1:24 or 1:10x2,20; OUT must contain #### for the frame number",
     )  # fmt: skip
     _add_render_options(parser)
+    add_shot_options(parser)
     _add_learn_options(parser)
     _add_output_options(parser)
     parser.set_defaults(run=run)
@@ -232,6 +234,7 @@ def run(arguments: argparse.Namespace) -> None:
         _check_has_map(config)
     jobs = jobs_of(arguments, stage_options(arguments))
     start_warp()
+    shot = Shot(arguments, jobs)
     from warpmis.rendering.render import Uploads  # here, for it loads Warp
 
     uploads = Uploads() if len(jobs) > 1 else None
@@ -239,17 +242,25 @@ def run(arguments: argparse.Namespace) -> None:
     reports: list[dict[str, Any]] = []
     try:
         for job in jobs:
-            reports.append(_render(job, arguments, config, uploads, said))
+            with shot.passing_over_failures(job):
+                if not shot.leaves_alone(job, config):
+                    reports.append(_render(job, arguments, config, uploads, said, shot))
     except Interrupted as stop:
-        job = jobs[len(reports)]
-        reports.append(_finish(stop.result, job, arguments, said))
+        reports.append(_finish(stop.result, shot.current, arguments, said))
         if not arguments.quiet:
-            say(f"{job.targets['output']}: written as far as it was rendered")
+            say(f"{shot.current.targets['output']}: written as far as it was rendered")
         raise
     finally:
-        if arguments.json and reports:
-            many = "products" if arguments.products else "frames" if arguments.frames else None
-            print_result(json.dumps(plain({many: reports} if many else reports[0]), allow_nan=False))
+        if arguments.json and (reports or shot.failed):
+            print_result(json.dumps(plain(_json(arguments, reports, shot)), allow_nan=False))
+    shot.end()
+
+
+def _json(arguments: argparse.Namespace, reports: list[dict[str, Any]], shot: Shot) -> dict[str, Any]:
+    many = "products" if arguments.products else "frames" if arguments.frames else None
+    if many is None:
+        return reports[0]
+    return {many: reports, **given(failed=shot.failed or None)}
 
 
 def _check_has_map(config: RenderConfig) -> None:
@@ -260,21 +271,31 @@ def _check_has_map(config: RenderConfig) -> None:
 
 
 def _render(
-    job: Job, arguments: argparse.Namespace, config: RenderConfig, uploads: Uploads | None, said: set[str]
+    job: Job,
+    arguments: argparse.Namespace,
+    config: RenderConfig,
+    uploads: Uploads | None,
+    said: set[str],
+    shot: Shot,
 ) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
         more = given(shutter_samples=arguments.shutter_samples, uploads=uploads, features=forced_features(arguments))
-        more |= given(denoise=arguments.denoise)
+        more |= given(denoise=arguments.denoise) | shot.render_options()
         options = {**stage_options(arguments), **job.options}
-        asked = dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
-        result = warpmis.render(arguments.stage, config=asked, progress=show, **options, **more)
+        result = warpmis.render(arguments.stage, config=config_of(job, config), progress=show, **options, **more)
     report = _finish(result, job, arguments, said)
+    shot.finished(job, config)
     if arguments.explain:
         explain(result, arguments.stage, options)
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
     return report
+
+
+def config_of(job: Job, config: RenderConfig) -> RenderConfig:
+    """The settings of one picture: ids are found where a product asks for them."""
+    return dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
 
 
 def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said: set[str]) -> dict[str, Any]:

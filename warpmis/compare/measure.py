@@ -121,7 +121,7 @@ class Measurement:
 
 @dataclass(eq=False)
 class Experiment:
-    """Everything measured, the baseline first."""
+    """Everything measured, the baseline first; is_interrupted: of less than was asked for."""
 
     scene: warpmis.Scene
     settings: Settings
@@ -129,6 +129,7 @@ class Experiment:
     reference: Reference
     measurements: list[Measurement]
     left_out: list[str]
+    is_interrupted: bool = False
 
 
 def run_experiment(
@@ -139,6 +140,8 @@ def run_experiment(
     Raises:
         ConfigError: a variant or a setting is impossible.
         WarpmisError: the reference cannot be used.
+
+    Ctrl-C ends the measuring: the experiment then holds what there is.
     """
     bench = _Bench(scene, settings, progress)
     given = read_reference(settings.reference, scene.resolution) if settings.reference else None
@@ -156,8 +159,12 @@ def run_experiment(
         if not _budgets(measurement, settings, spp):
             left_out.append(f"{measurement.variant.label} needs more than {spp} samples per pixel: raise --spp")
             measurements.remove(measurement)
-    _measure(bench, measurements, spp)
-    return Experiment(scene, settings, spp, bench.reference, measurements, left_out)
+    experiment = Experiment(scene, settings, spp, bench.reference, measurements, left_out)
+    try:
+        _measure(bench, measurements, spp)
+    except KeyboardInterrupt:
+        experiment.is_interrupted = True
+    return experiment
 
 
 def _measure(bench: _Bench, measurements: Sequence[Measurement], spp: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import uuid
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -44,8 +45,10 @@ def _printable(path: str | os.PathLike[str]) -> str:
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[str]:
+def replacing(path: str | os.PathLike[str], *, one_writer: bool = False) -> Iterator[str]:
     """Yield a temporary name beside `path`; what was written there takes its place if the block succeeds.
+
+    With one_writer the temporary name is always the same: what a process that was killed has left is written over.
 
     A crash leaves the old file as it was, or the whole new one. OSError and RuntimeError, which the image libraries
     raise for a full disk and the like, become WarpmisError.
@@ -54,7 +57,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[str]:
     target = Path(path).resolve()  # a link keeps pointing at the file, which is replaced
     # Not tempfile.mkstemp: its files are readable by their owner alone, whatever the umask says.
     # A name as long as a folder takes must leave room for this one: it is of one length.
-    temporary = target.with_name(f".warpmis-{uuid.uuid4().hex[:16]}.tmp")
+    unique = f"{zlib.crc32(os.fsencode(target.name)):016x}" if one_writer else uuid.uuid4().hex[:16]
+    temporary = target.with_name(f".warpmis-{unique}.tmp")
     try:
         yield str(temporary)
         _flush(temporary)

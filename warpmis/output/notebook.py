@@ -3,18 +3,42 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpmis.errors import ConfigError
 from warpmis.output.balance_map import balance_map, entry_colors, sample_shares
 from warpmis.output.legend import entry_text
 from warpmis.output.png import png_bytes
 from warpmis.output.tonemap import to_display
 
 MOST_COLORS = 3  # of a balance map
+
+
+def notebook_preview() -> Callable[[NDArray[np.floating]], None]:
+    """A picture in a notebook that follows a render: for `warpmis.render(..., preview=warpmis.notebook_preview())`.
+
+    Raises:
+        ConfigError: there is no IPython.
+    """
+    try:
+        from IPython.display import Image, display
+    except ImportError:
+        raise ConfigError("a preview in a notebook needs IPython, which every notebook has: run it in one") from None
+    handles: list[Any] = []
+
+    def show(image: NDArray[np.floating]) -> None:
+        picture = Image(data=png_bytes(to_display(image)), format="png")
+        if handles:
+            handles[0].update(picture)
+        else:
+            handles.append(display(picture, display_id=True))
+
+    return show
 
 
 def notebook_html(

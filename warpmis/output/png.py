@@ -37,11 +37,11 @@ def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8], 
         done = output.open(temporary, spec) and output.write_image(np.ascontiguousarray(picture))
         if not (output.close() and done):
             raise OSError(output.geterror())
-        if not _is_whole(temporary):
+        if not ends_as_png(temporary):
             raise OSError("No space left on device")
 
 
-def _is_whole(path: str) -> bool:
+def ends_as_png(path: str) -> bool:
     """Whether a file ends as a PNG file does. Writing goes forwards, so that nothing before it can be missing."""
     with open(path, "rb") as file:
         file.seek(max(0, os.path.getsize(path) - len(PNG_END)))

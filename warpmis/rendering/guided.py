@@ -24,6 +24,7 @@ from warpmis.device.cache_views import CacheView, VertexRecord
 from warpmis.device.compilation import Compiler
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes
+from warpmis.device.snapshot import restore, snapshot
 from warpmis.device.upload import DeviceScene
 from warpmis.device.views import FilmView, RoundView
 from warpmis.film.film import Film
@@ -88,6 +89,8 @@ class GuidedIntegrator(Integrator):
         self.records: wp.array | None = None
         self.traced_rays = 0  # by films that are gone
         self.cache_view: CacheView | None = None  # keeps alive what the scene's view points into
+        self.present: CacheRound | None = None  # the round that has begun last
+        self.is_filled = False
 
     def rounds(self) -> Iterator[Round]:
         """The pilot; then a plain render, or training and a guided one."""
@@ -110,23 +113,40 @@ class GuidedIntegrator(Integrator):
             spent += training.samples / training.stride**2
         yield CacheRound(first_sample, self.config.spp - math.ceil(spent), learn=False)
 
-    def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
+    def trace(
+        self, part: Round, advance: Callable[[int], None], piece: range | None = None, samples: range | None = None
+    ) -> None:
         assert isinstance(part, CacheRound)
-        samples = piece or range(part.first_sample, part.first_sample + part.samples)
-        if part.pilot_half is not None:
-            self._trace_pilot(part, samples)
+        if part.pilot_half is None:
+            super().trace(part, advance, piece, samples)
             return
-        if samples.start == part.first_sample and self.is_guided:
-            self._upload_cache(part)
-            if part.training:
-                self.training = part.training, allocate_film(self._cells(part.stride), self.config.device)
-        view = round_view(self.config, part, samples, part.stride)
+        whole = range(part.first_sample, part.first_sample + part.samples)
+        self.begin_pass(part, whole)
+        self._trace_pilot(part, whole)
+        self.end_pass()
+
+    def trace_rows(self, part: Round, piece: range, samples: range, advance: Callable[[int], None]) -> None:
+        assert isinstance(part, CacheRound)
+        view = self._view(part, piece, samples, part.stride)
         if self.training is not None:
             self._launch_round(self.record_kernel, self.training[1], view, advance)
         else:
             self._launch_round(self.guide_kernel if self.is_guided else self.plain_kernel, self.film, view, advance)
 
+    def begin_round(self, part: Round) -> None:
+        assert isinstance(part, CacheRound)
+        self.present = part
+        if self.is_guided:
+            self._upload_cache(part)
+            if part.training:
+                self.training = part.training, allocate_film(self._cells(part.stride), self.config.device)
+
+    def rows_of(self, part: Round) -> int:
+        assert isinstance(part, CacheRound)
+        return self._cells(pilot_stride(self.pixels) if part.pilot_half is not None else part.stride)
+
     def _trace_pilot(self, part: CacheRound, samples: range) -> None:
+        self.settled = False  # half a pilot is begun anew
         stride = pilot_stride(self.pixels)
         view = round_view(self.config, part, samples, stride)
         view.seed = (self.config.seed + PILOT_SEED) % 2**32
@@ -134,6 +154,14 @@ class GuidedIntegrator(Integrator):
         self._launch_round(self.plain_kernel, film, view, lambda samples: None)
         self._count_rays(film)
         self.pilot_pictures.append(download_film(film, *self._size(stride)))
+
+    def fill(self) -> None:
+        super().fill()
+        self.is_filled = True
+
+    def _trace_first(self, part: Round) -> None:
+        view = self._view(part, range(1), range(1), 1)
+        self._launch_round(self.plain_kernel, self.film, view, lambda samples: None)
 
     def _launch_round(self, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]) -> None:
         self.compiler.wait([kernel])
@@ -213,6 +241,75 @@ class GuidedIntegrator(Integrator):
         self.cache_view = view
         self.scene.view.cache = wp.array([view], dtype=CacheView, device=self.config.device)
 
+    # ---- state ----------------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        return super().state() | {
+            **{name: getattr(self, name) for name in ("is_guided", "strength", "traced_rays")},
+            "pilot": [dict(vars(film)) for film in self.pilot_pictures],
+            "films": [film and dict(vars(film)) for film in (self.learned_film, self.kept_film)],
+            "training": self.training and {"round": vars(self.training[0]), "film": snapshot(self.training[1])},
+            "records": None if self.records is None else self.records.numpy().view(np.uint8),
+            "cache": self.cache.state(),
+        }
+
+    def resume(self, state: dict[str, Any]) -> None:
+        super().resume(state)
+        for name in ("is_guided", "strength", "traced_rays"):
+            setattr(self, name, state[name])
+        self.pilot_pictures = [Film(**film) for film in state["pilot"]]
+        self.learned_film, self.kept_film = (film and Film(**film) for film in state["films"])
+        self.cache.resume(state["cache"])
+        if state["training"] is not None:
+            training = Training(**state["training"]["round"])
+            self.training = training, allocate_film(self._cells(training.stride), self.config.device)
+            restore(self.training[1], state["training"]["film"])
+
+    def sums_of(self, part: Round) -> dict[str, Any]:
+        return {"film": self.film if self.training is None else self.training[1]}
+
+    def decisions_of(self, part: Round) -> dict[str, Any]:
+        return {}
+
+    def common_of(self, part: Round) -> dict[str, Any]:
+        films = [film and dict(vars(film)) for film in (self.learned_film, None)]
+        return {"is_guided": self.is_guided, "strength": self.strength, "films": films, "cache": self.cache.state()}
+
+    def adopt(self, part: Round, common: dict[str, Any]) -> None:
+        self.is_guided, self.strength = common["is_guided"], common["strength"]
+        self.learned_film = common["films"][0] and Film(**common["films"][0])
+        self.cache.resume(common["cache"])
+        self.training, self.records = None, None
+        self.begin_round(part)
+
+    def records_taken(self) -> tuple[NDArray[Any], ...]:
+        if self.records is None:
+            return ()
+        table = self.records.numpy()
+        places = np.flatnonzero(table["used"] != 0)
+        taken = table[places].view(np.uint8)
+        self.records.zero_()
+        return places, taken
+
+    def put_records(self, records: tuple[NDArray[Any], ...]) -> None:
+        if self.records is None or not records:
+            return
+        places, taken = records
+        table = self.records.numpy()
+        table[places] = taken.view(table.dtype).reshape(places.shape)
+        if self.launcher.is_cuda:
+            self.records.assign(table)
+
+    def resume_round(self, part: Round, state: dict[str, Any]) -> None:
+        """Get ready for the rest of a round."""
+        assert isinstance(part, CacheRound)
+        self.present = part
+        if not self.is_guided:
+            return
+        self._upload_cache(part)
+        if self.records is not None and state["records"] is not None:
+            self.records.assign(state["records"].view(self.records.numpy().dtype).reshape(self.records.shape))
+
     # ---- results ------------------------------------------------------------------------------------------------
 
     def _cost(self, film: FilmView) -> float:
@@ -241,8 +338,9 @@ class GuidedIntegrator(Integrator):
         learned, kept = self._trained_films()
         if kept is not None:
             return kept, final
-        # An interrupted render has nothing else to show.
-        return (learned, final) if learned is not None and not final.count.any() else (final,)
+        # An interrupted render shows what it has.
+        has_more = self.is_filled or not final.count.any()
+        return (learned, final) if learned is not None and has_more else (final,)
 
     def color_sums(self) -> NDArray[np.float64]:
         colors = [super().color_sums()]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
+from functools import partial
 
 from warpmis.config import RenderConfig
 from warpmis.errors import ConfigError, Interrupted
 from warpmis.film.denoise import Denoised, Half, denoise
 from warpmis.film.oidn import filter_with_oidn, require_oidn
+from warpmis.rendering.checkpoint import CheckpointPart, rendered_or_kept
 from warpmis.rendering.progress import Progress
 from warpmis.rendering.reporter import ProgressCallback
 from warpmis.rendering.result import RenderResult
@@ -19,10 +21,15 @@ from warpmis.rendering.stats import DenoiseStats
 # The second half's seed is the first one's and this: as many bits differ as chance would have it.
 SEED_STEP = 2246822519
 
-RenderOne = Callable[[RenderConfig, ProgressCallback | None], RenderResult]
+RenderOne = Callable[[RenderConfig, ProgressCallback | None, CheckpointPart | None], RenderResult]
 
 
-def render_halves(render_one: RenderOne, config: RenderConfig, progress: ProgressCallback | None) -> RenderResult:
+def render_halves(
+    render_one: RenderOne,
+    config: RenderConfig,
+    progress: ProgressCallback | None,
+    checkpoint: CheckpointPart | None = None,
+) -> RenderResult:
     """Render twice, and denoise. The noisy picture is the mean of both renders.
 
     A target error is the noisy picture's. Each half stops at sqrt(2) of it: their mean has half of their variance.
@@ -37,13 +44,16 @@ def render_halves(render_one: RenderOne, config: RenderConfig, progress: Progres
     results: list[RenderResult] = []
     before = 0
     for index, half in enumerate(_halves(config)):
+        show = _shown_as_half(progress, index, before)
+        own = checkpoint and checkpoint.named(f"half {index}")
         try:
-            results.append(render_one(half, _shown_as_half(progress, index, before)))
+            results.append(rendered_or_kept(own, partial(render_one, half, show), is_last=index == 1))
         except KeyboardInterrupt as stop:
             results += [stop.result] if isinstance(stop, Interrupted) else []
             if not results:
                 raise
             result = _noisy(results, config)
+            result.settings.setdefault("interrupted", f"with {len(results)} of 2 halves")
             notes = (*result.notes, "the render was interrupted, so the picture is not denoised")
             raise Interrupted(dataclasses.replace(result, notes=notes)) from None
         before += results[-1].stats["samples"]

@@ -15,6 +15,7 @@ from warpmis.config import RenderConfig
 from warpmis.device.compilation import Compiler
 from warpmis.device.film_buffers import allocate_film, download_film
 from warpmis.device.footprint import array_bytes, scene_bytes
+from warpmis.device.snapshot import restore, snapshot
 from warpmis.device.upload import DeviceScene
 from warpmis.device.views import FilmView, RoundView
 from warpmis.errors import ConfigError
@@ -32,6 +33,12 @@ from warpmis.scene.features import Features
 # What kernels without a mixture take for shares and moments.
 vec1f = wp.types.vector(length=1, dtype=wp.float32)
 vec1d = wp.types.vector(length=1, dtype=wp.float64)
+
+# Traces some samples of a piece of a round, and puts the sums into the integrator; see Integrator.trace.
+Remote = Callable[[Round, range, range, Callable[[int], None]], None]
+
+# No kernel's estimator: a pixel that the pass is over with.
+DONE = 255
 
 
 def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
@@ -93,6 +100,15 @@ class Integrator:
         if compiler is None:
             self.compiler.wait((*kernels, *self.learner.kernels, *self.identify))
         self.launcher = Launcher(config.device, config.threads)
+        # Samples of the present round that all pixels have, and of the pass under way which ones have those, too.
+        self.next_sample = 0
+        self.passing = range(0)
+        self.traced: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        # The rows that are traced here, of pixels or cells, None for all; or what traces them elsewhere.
+        self.window: range | None = None
+        self.remote: Remote | None = None
+        # Whether all of this, sums included, belongs together, so that a state can be taken.
+        self.settled = False
         self._allocate()
 
     def _allocate(self) -> None:
@@ -134,21 +150,60 @@ class Integrator:
             counts[:: self.stride, :: self.stride] = len(range(max(samples.start, part.pilot), samples.stop))
         return counts.reshape(-1)
 
-    def trace(self, part: Round, advance: Callable[[int], None], piece: range | None = None) -> None:
-        """Trace one round, or a piece of its samples; the pieces in turn are the round.
+    def trace(
+        self, part: Round, advance: Callable[[int], None], piece: range | None = None, samples: range | None = None
+    ) -> None:
+        """Trace one round, or a piece of its samples, or of this piece some; the pieces in turn are the round.
 
+        A piece is what the sampler spreads evenly. Where it is cut, no bit of the sums depends on.
         `advance` is told the number of pixel samples of each launch that is done.
         """
-        samples = piece or range(part.first_sample, part.first_sample + part.samples)
-        if samples.start == part.first_sample:
-            self.learner.begin_round(part.learn)
-        view, taken = round_view(self.config, part, samples, self.stride), self._sample_counts(part, samples)
+        piece = piece or range(part.first_sample, part.first_sample + part.samples)
+        samples = samples or piece
+        self.begin_pass(part, samples)
+        if self.remote is not None:
+            self.remote(part, piece, samples, advance)
+        else:
+            self.trace_rows(part, piece, samples, advance)
+        self.end_pass()
+
+    def trace_rows(self, part: Round, piece: range, samples: range, advance: Callable[[int], None]) -> None:
+        """Trace some samples of a round for all pixels, or cells, or those of the window."""
+        view, taken = self._view(part, piece, samples, self.stride), self._sample_counts(part, samples)
         for passes in self._waves(self._passes(part.learn)):
             self.compiler.wait([one.kernel for one in passes])
             counts = taken
             if len(passes) == 1 and passes[0].estimators.shape[0]:
                 counts = taken * (passes[0].estimators.numpy() == passes[0].estimator)
             self._trace(passes, view, counts, advance)
+
+    def begin_pass(self, part: Round, samples: range) -> None:
+        """Get ready for some samples of a round; if they have been begun, for the pixels that do not have them."""
+        if samples != self.passing:
+            self.settled = False
+            if samples.start == part.first_sample:
+                self.begin_round(part)
+            self.passing = samples
+            self.traced = np.zeros(self.rows_of(part), np.bool_)
+        self.settled = True
+
+    def end_pass(self) -> None:
+        self.settled = False
+        self.next_sample = self.passing.stop
+        self.passing, self.traced = range(0), np.zeros(0, np.bool_)
+        self.settled = True
+
+    def begin_round(self, part: Round) -> None:
+        self.learner.begin_round(part.learn)
+
+    def rows_of(self, part: Round) -> int:
+        """What a round traces: pixels, or the cells of which it traces one each."""
+        return self.learner.cells if part.learn else self.pixels
+
+    def _view(self, part: Round, piece: range, samples: range, stride: int) -> RoundView:
+        view = round_view(self.config, part, piece, stride)
+        view.first_sample, view.end_sample = samples.start, samples.stop
+        return view
 
     def _waves(self, passes: list[Pass]) -> list[list[Pass]]:
         """Passes to launch together: all of them, or while a kernel is being compiled the others first.
@@ -164,15 +219,29 @@ class Integrator:
     def _trace(
         self, passes: list[Pass], view: RoundView, counts: NDArray[np.int64], advance: Callable[[int], None]
     ) -> None:
-        """Launch the passes over all pixels, or cells; `counts`: how many of the samples each takes."""
+        """Launch the passes over the pixels, or cells, that are not through; `counts`: samples that each takes."""
         lock = threading.Lock()
+        counts = np.where(self.traced, 0, counts)
+        passes = [self._without_traced(one) for one in passes] if self.traced.any() else passes
+        traces = [one.estimators.numpy() == one.estimator if one.estimators.shape[0] else None for one in passes]
 
         def launch(piece: Piece) -> None:
             self._launch(passes, view, *piece)
+            rows = slice(piece[0], sum(piece))
             with lock:
-                advance(int(counts[piece[0] : sum(piece)].sum()))
+                for own in traces:
+                    self.traced[rows] |= True if own is None else own[rows]
+                advance(int(counts[rows].sum()))
 
-        self.launcher.run(launch, self.launcher.pieces(len(counts), view.end_sample - view.first_sample))
+        window = self.window or range(len(counts))
+        pieces = self.launcher.pieces(len(window), view.end_sample - view.first_sample)
+        self.launcher.run(launch, ((window.start + first, count) for first, count in pieces))
+
+    def _without_traced(self, one: Pass) -> Pass:
+        """The pass for the pixels that are not through."""
+        own = one.estimators.numpy() if one.estimators.shape[0] else np.full(len(self.traced), one.estimator)
+        left = np.where(self.traced, DONE, own).astype(np.uint8)
+        return replace(one, estimators=wp.array(left, dtype=wp.uint8, device=self.config.device))
 
     def _launch(self, passes: list[Pass], view: RoundView, first: int, count: int) -> None:
         for one in passes:
@@ -181,6 +250,83 @@ class Integrator:
             wp.launch(one.kernel, dim=count, inputs=inputs, device=self.config.device)
         if self.launcher.is_cuda:
             wp.synchronize_device(self.config.device)
+
+    def fill(self) -> None:
+        """Take one sample of each pixel that has none, so that what an interrupted render leaves is a whole picture."""
+        self.settled = False
+        first = Round(0, 1, learn=False)
+        self.passing = range(1)
+        self.traced = self.samples_taken().reshape(-1) > 0
+        if not self.traced.all():
+            self._trace_first(first)
+
+    def _trace_first(self, part: Round) -> None:
+        view = self._view(part, range(1), range(1), self.stride)
+        for passes in self._waves(self._passes(False)):
+            self.compiler.wait([one.kernel for one in passes])
+            self._trace(passes, view, np.ones(self.pixels, np.int64), lambda samples: None)
+
+    def samples_taken(self) -> NDArray[np.int64]:
+        """How many samples each pixel has taken, shape (H, W)."""
+        taken: NDArray[np.int64] = np.sum([film.count + film.rejected for film in self.download()], axis=0)
+        return taken
+
+    # ---- state -----------------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """All that later samples and the picture depend on, between two launches: arrays and plain values."""
+        return {
+            "next_sample": self.next_sample,
+            "passing": [self.passing.start, self.passing.stop],
+            "traced": self.traced,
+            "kept": {name: snapshot(value) for name, value in self._kept().items()},
+        }
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Go on from a state of the same render."""
+        self.next_sample = state["next_sample"]
+        self.passing, self.traced = range(*state["passing"]), state["traced"]
+        for name, value in self._kept().items():
+            restore(value, state["kept"][name])
+
+    # ---- rows, for those who trace elsewhere -------------------------------------------------------------------------
+
+    def sums_of(self, part: Round) -> dict[str, Any]:
+        """What a round adds to, row by row, each under a name."""
+        film, moments = (
+            (self.learn_film, self.learner.moments) if part.learn else (self.film, self.learner.plain_moments)
+        )
+        return {"film": film} | ({"moments": moments} if moments.shape[0] == self.rows_of(part) else {})
+
+    def decisions_of(self, part: Round) -> dict[str, Any]:
+        """What the rows of a round have been given, row by row."""
+        own = self.learned if part.learn else self.allocation
+        given = {"shares": own.shares, "estimators": own.estimators}
+        return {name: array for name, array in given.items() if array.shape[0] == self.rows_of(part)}
+
+    def common_of(self, part: Round) -> dict[str, Any]:
+        """What all rows of a round share, as arrays and plain values."""
+        return {}
+
+    def adopt(self, part: Round, common: dict[str, Any]) -> None:
+        """Get ready to trace rows of a round that another integrator has begun."""
+
+    def records_taken(self) -> tuple[NDArray[Any], ...]:
+        """What a round has recorded beside its sums: places and bytes; it is then forgotten."""
+        return ()
+
+    def put_records(self, records: tuple[NDArray[Any], ...]) -> None:
+        """Take in what another integrator has recorded."""
+
+    def resume_round(self, part: Round, state: dict[str, Any]) -> None:
+        """Get ready for the rest of a round that had begun."""
+
+    def _kept(self) -> dict[str, Any]:
+        """What stays on the device from round to round."""
+        kept: dict[str, Any] = {"film": self.film, "learn_film": self.learn_film}
+        for name, one in (("allocation", self.allocation), ("learned", self.learned)):
+            kept |= {f"{name}.shares": one.shares, f"{name}.estimators": one.estimators}
+        return kept | {"moments": self.learner.moments, "plain_moments": self.learner.plain_moments}
 
     def ids(self) -> NDArray[np.int32]:
         """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface.

@@ -38,11 +38,11 @@ class Launcher:
         self.pool = ThreadPoolExecutor(self.threads)
 
     def run(self, launch: Callable[[Piece], None], pieces: Iterator[Piece]) -> None:
-        """Call `launch` for all pieces, from all threads."""
-        if self.threads == 1:
-            for piece in pieces:
-                launch(piece)
-            return
+        """Call `launch` for all pieces, from all threads.
+
+        A single one has a thread of its own, too: an interrupt, which reaches the main thread alone, cuts no launch
+        in two.
+        """
         # Few launches are queued at a time, so that an interrupt ends the round within some tens of milliseconds.
         pending = {self.pool.submit(launch, piece) for piece in islice(pieces, 2 * self.threads)}
         try:

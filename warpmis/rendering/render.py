@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 from warpmis.config import LearnConfig, RenderConfig
 from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.errors import ConfigError
+from warpmis.rendering.checkpoint import INTERVAL as CHECKPOINT_INTERVAL
+from warpmis.rendering.checkpoint import Checkpoint, CheckpointPart, asked_of
 from warpmis.rendering.halves import render_halves
+from warpmis.rendering.preview import INTERVAL as PREVIEW_INTERVAL
+from warpmis.rendering.preview import Preview, PreviewCallback
 from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.rounds import render_scene
@@ -72,6 +76,11 @@ def render(
     learn: LearnConfig | None = None,
     config: RenderConfig | None = None,
     progress: ProgressCallback | None = None,
+    preview: PreviewCallback | None = None,
+    preview_interval: float = PREVIEW_INTERVAL,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
+    checkpoint_interval: float = CHECKPOINT_INTERVAL,
+    resume: bool = False,
     features: Features | None = None,
     uploads: Uploads | None = None,
 ) -> RenderResult:
@@ -105,11 +114,17 @@ def render(
         learn: all learn settings at once.
         config: all settings at once, instead of the arguments from `width` to `learn`.
         progress: called with a Progress about ten times a second, and once at the end.
+        preview: called with the picture so far, linear Rec.709, shape (H, W, 3) float32, and with the whole one.
+        preview_interval: `preview` is called at most this often [s].
+        checkpoint: a file that the render's state is written to, from which a later call goes on to the same bits; it
+            is removed when the picture is whole.
+        checkpoint_interval: how often it is written [s]; also when the render is interrupted.
+        resume: go on from the checkpoint, if there is one.
         features: the effects to compile; None for those of the scene, Features.all() for every one.
         uploads: data of an earlier render on the device, which is reused where it is the same.
 
     Raises:
-        ConfigError: a setting is impossible.
+        ConfigError: a setting is impossible, or the checkpoint is of another picture.
         StageError: the stage cannot be rendered.
         Interrupted: Ctrl-C after the first samples; it holds the result so far.
     """
@@ -131,17 +146,46 @@ def render(
     if isinstance(stage, Scene) and shutter_samples > 1:
         options["shutter_samples"] = shutter_samples
 
-    def render_one(config: RenderConfig, progress: ProgressCallback | None) -> RenderResult:
-        if not isinstance(stage, Scene):
-            return _render_stage(stage, options, config, shutter_samples, features, progress, uploads)
-        reporter = Reporter(progress)
-        reporter.phase("load")
-        return render_scene(_scene_as_read(stage, config, options), config, features, reporter, uploads)
+    file = _checkpoint_of(checkpoint, checkpoint_interval, resume)
+    if file is not None:
+        more = {"shutter_samples": shutter_samples, "denoise": denoise}
+        file.begin_picture(asked_of(stage, options, config, **more), config)
+    look = None if preview is None else Preview(preview, preview_interval)
+    uploads = uploads or (Uploads() if denoise else None)  # the second half finds the first one's trees
 
-    if not denoise:
-        return render_one(config, progress)
-    uploads = uploads or Uploads()  # the second half finds the first one's trees
-    return render_halves(render_one, config, progress)
+    def render_one(
+        config: RenderConfig, progress: ProgressCallback | None, part: CheckpointPart | None
+    ) -> RenderResult:
+        reporter = Reporter(progress, preview=look)
+        if not isinstance(stage, Scene):
+            return _render_stage(stage, options, config, shutter_samples, features, reporter, uploads, part)
+        reporter.phase("load")
+        return render_scene(_scene_as_read(stage, config, options), config, features, reporter, uploads, part)
+
+    part = None if file is None else CheckpointPart(file)
+    result = render_halves(render_one, config, progress, part) if denoise else render_one(config, progress, part)
+    if look is not None:
+        look.show(result.shown)
+    return result if file is None else _finished(result, file, is_own=file is not checkpoint)
+
+
+def _checkpoint_of(
+    checkpoint: str | os.PathLike[str] | Checkpoint | None, interval: float, resume: bool
+) -> Checkpoint | None:
+    if checkpoint is None and resume:
+        raise ConfigError("nothing to resume: name the checkpoint")
+    if checkpoint is None or isinstance(checkpoint, Checkpoint):
+        return checkpoint
+    return Checkpoint(checkpoint, interval, resume)
+
+
+def _finished(result: RenderResult, file: Checkpoint, *, is_own: bool) -> RenderResult:
+    """The picture is whole: its checkpoint has served."""
+    if is_own:
+        file.remove()
+    if not file.trouble:
+        return result
+    return dataclasses.replace(result, notes=(*result.notes, f"no checkpoint at the end: {file.trouble}"))
 
 
 def _render_stage(
@@ -150,15 +194,15 @@ def _render_stage(
     config: RenderConfig,
     shutter_samples: int,
     features: Features | None,
-    progress: ProgressCallback | None,
+    reporter: Reporter,
     uploads: Uploads | None,
+    part: CheckpointPart | None,
 ) -> RenderResult:
     """Read the stage at one time or at several, and render it."""
     if config.target_error is not None and shutter_samples > 1:
         raise ConfigError("a target error works with one shutter sample only: drop the shutter samples, or set spp")
     from warpmis.usd import load_stage  # here, so that a Scene can be rendered without pxr
 
-    reporter = Reporter(progress)
     reporter.phase("load")
     scene = load_stage(stage, width=config.width, **options)
     opens, closes = scene.camera.shutter
@@ -167,11 +211,12 @@ def _render_stage(
         def scene_at(code: float) -> Scene:
             return load_stage(stage, width=config.width, **{**options, "time": code})
 
-        return render_shutter(scene, scene_at, config, shutter_samples, features, progress, uploads or Uploads())
+        shown = reporter.progress, uploads or Uploads(), reporter.preview, part
+        return render_shutter(scene, scene_at, config, shutter_samples, features, *shown)
     if opens < closes:
         note = "the camera's shutter is open, but one shutter sample gives no motion blur: ask for more"
         scene = dataclasses.replace(scene, notes=(*scene.notes, note))
-    return render_scene(scene, config, features, reporter, uploads)
+    return render_scene(scene, config, features, reporter, uploads, part)
 
 
 def _scene_as_read(scene: Scene, config: RenderConfig, options: dict[str, Any]) -> Scene:

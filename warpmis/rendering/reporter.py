@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
+from warpmis.rendering.preview import Preview
 from warpmis.rendering.progress import Progress
 from warpmis.rendering.stats import PhaseSeconds
 from warpmis.rendering.stopping import Watch
@@ -24,14 +26,22 @@ class Reporter:
         watch: the render's stopping rule, if it has one.
     """
 
-    def __init__(self, progress: ProgressCallback | None, before: int = 0, share: float = 1.0) -> None:
+    def __init__(
+        self,
+        progress: ProgressCallback | None,
+        before: int = 0,
+        share: float = 1.0,
+        preview: Preview | None = None,
+    ) -> None:
         """A render may be one of several that make one picture, at several times within the shutter's interval.
 
         Args:
             before: pixel samples of the renders before this one.
             share: this render's part of all the samples from here on.
+            preview: where the picture so far goes.
         """
         self.progress = progress
+        self.preview = preview
         self.before = before
         self.share = share
         self.seconds: dict[str, float] = {}
@@ -92,6 +102,20 @@ class Reporter:
         """Time of each phase that has ended [s]."""
         of = {name: self.seconds.get(name, 0.0) for name in ("load", "compile", "learn", "render")}
         return {"load": of["load"], "compile": of["compile"], "learn": of["learn"], "render": of["render"]}
+
+    def state(self) -> dict[str, Any]:
+        """For a checkpoint: what was counted and timed, the present phase included."""
+        seconds = dict(self.seconds)
+        if self.current:
+            seconds[self.current] = seconds.get(self.current, 0.0) + time.perf_counter() - self.started
+        return {"done": self.done, "total": self.total, "seconds": seconds, "tracing": self.tracing_seconds()}
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Go on counting from a state."""
+        self.done, self.total = state["done"], state["total"]
+        for name, seconds in state["seconds"].items():
+            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        self.tracing_since = time.perf_counter() - state["tracing"]
 
     def _report(self) -> None:
         self.reported = time.perf_counter()

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import Compiler
 from warpmis.device.trees import tree_kernels
 from warpmis.device.upload import Uploads, upload
 from warpmis.errors import Interrupted
 from warpmis.learn.schedule import Round
+from warpmis.rendering.checkpoint import CheckpointPart
 from warpmis.rendering.guided import GuidedIntegrator
 from warpmis.rendering.integrator import Integrator, allocation_of
 from warpmis.rendering.reporter import Reporter
@@ -20,12 +25,18 @@ from warpmis.scene.features import Features
 
 
 def render_scene(
-    scene: Scene, config: RenderConfig, features: Features | None, reporter: Reporter, uploads: Uploads | None = None
+    scene: Scene,
+    config: RenderConfig,
+    features: Features | None,
+    reporter: Reporter,
+    uploads: Uploads | None = None,
+    checkpoint: CheckpointPart | None = None,
 ) -> RenderResult:
     """Render a scene as it is, by the rounds of its schedule.
 
     Raises:
-        ConfigError: the machine lacks the device, or an allocation map is not of the picture's size.
+        ConfigError: the machine lacks the device, an allocation map is not of the picture's size, or the checkpoint is
+            another picture's.
         Interrupted: Ctrl-C, after samples were taken; it holds the result so far.
     """
     features = features_of(scene, config, features)
@@ -37,10 +48,12 @@ def render_scene(
         if config.time_limit is not None:
             compiler.wait(at_once)
         run = begin(scene, config, features, compiler, reporter, uploads)
-        return rendered(run)
+        if checkpoint is not None:
+            checkpoint.begin(run)
+        return rendered(run, checkpoint)
 
 
-def rendered(run: Run) -> RenderResult:
+def rendered(run: Run, checkpoint: CheckpointPart | None = None) -> RenderResult:
     """Trace the rounds, and make the result of all samples that they took."""
     reporter = run.reporter
     watch = reporter.watch
@@ -48,13 +61,17 @@ def rendered(run: Run) -> RenderResult:
         trace_rounds(run)
         reporter.finish()
     except KeyboardInterrupt:
+        if checkpoint is not None:
+            checkpoint.interrupted(run)
         if reporter.done == 0:
             raise
+        with suppress(KeyboardInterrupt):  # who is in a hurry gets the picture as it is
+            run.integrator.fill()
         reporter.end_phase()
         if watch is not None:
             watch.reason = "interrupted"
-        share = 100.0 * reporter.done / reporter.total
-        raise Interrupted(run.result([f"interrupted after {share:.0f} % of the samples"])) from None
+        share = f"after {100.0 * reporter.done / reporter.total:.0f} % of the samples"
+        raise Interrupted(run.result([f"interrupted {share}"], share)) from None
     reporter.end_phase()
     return run.result(watch.notes() if watch is not None else ())
 
@@ -82,11 +99,20 @@ def begin(
 def trace_rounds(run: Run) -> None:
     """Trace every round, or as many as the stopping rule wants. An allocation depends on earlier rounds alone."""
     integrator, reporter = run.integrator, run.reporter
-    for part in integrator.rounds():
-        if reporter.watch is not None and reporter.watch.leaves_out(part):
+    first, saved, run.saved = run.round, run.saved, None
+    for number, part in enumerate(integrator.rounds()):
+        if number < first:
             continue
+        is_resumed = saved is not None and number == first
+        if not is_resumed:
+            if reporter.watch is not None and reporter.watch.leaves_out(part):
+                continue
+            run.round, integrator.next_sample = number, part.first_sample
+        elif saved is not None:
+            integrator.resume_round(part, saved["integrator"])
         reporter.phase("learn" if part.learn else "render", part.label)
-        trace(part, integrator, reporter)
+        trace(part, run, is_resumed=is_resumed)
+        integrator.settled = False
         if reporter.watch is not None and reporter.watch.stopped:
             return
         if part.learn:
@@ -95,13 +121,42 @@ def trace_rounds(run: Run) -> None:
                 run.round_allocations.append(integrator.allocation_map())
 
 
-def trace(part: Round, integrator: Integrator, reporter: Reporter) -> None:
-    """Trace one round: at once, or piece by piece as the stopping rule deals them out."""
-    watch = reporter.watch
+def trace(part: Round, run: Run, *, is_resumed: bool = False) -> None:
+    """Trace one round: all of it, or piece by piece as the stopping rule deals them out."""
+    integrator, reporter, watch = run.integrator, run.reporter, run.reporter.watch
     if watch is None or not part.is_kept:
-        integrator.trace(part, reporter.advance if watch is None else lambda samples: None)
+        whole = range(part.first_sample, part.first_sample + part.samples)
+        trace_piece(part, whole, run, reporter.advance if watch is None else lambda samples: None)
         return
-    for index, piece in watch.pieces(part):
+    for index, piece in watch.pieces(part, resumed=is_resumed):
         reporter.total = watch.needed_spp() * integrator.pixels
-        integrator.trace(part, reporter.advance, piece)
+        trace_piece(part, piece, run, reporter.advance)
+        integrator.settled = False
         watch.add(index, piece, integrator.color_sums())
+
+
+def trace_piece(part: Round, piece: range, run: Run, advance: Callable[[int], None]) -> None:
+    """Trace a piece of a round by passes over the whole picture, so that it is whole at any time but in the first."""
+    for samples in passes(run, piece, in_one=not part.is_kept):
+        run.integrator.trace(part, advance, piece, samples)
+        for call in run.after_pass:
+            call(run)
+        if run.reporter.preview is not None and part.is_kept:
+            run.reporter.preview.offer(run.image)
+
+
+def passes(run: Run, piece: range, *, in_one: bool) -> Iterator[range]:
+    """The samples of each pass: as many as all before it in the piece, until one takes Run.pass_seconds.
+
+    in_one: all at once, where nobody looks at the picture.
+    """
+    if run.integrator.passing:
+        yield run.integrator.passing
+    start, count = max(piece.start, run.integrator.next_sample), 1
+    while start < piece.stop:
+        samples = piece[start - piece.start :] if in_one else piece[start - piece.start :][:count]
+        begun = time.perf_counter()
+        yield samples
+        start = samples.stop
+        pace = run.pass_seconds / max(time.perf_counter() - begun, 1e-6)
+        count = max(1, min(2 * count, int(count * pace)))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpmis.config import RenderConfig
+from warpmis.config import RenderConfig, SettingsDict
 from warpmis.device import kernel_cache
 from warpmis.film.film import Film
 from warpmis.rendering.integrator import Integrator
@@ -19,13 +20,19 @@ from warpmis.rendering.stats import RenderStats
 from warpmis.scene import Scene
 from warpmis.scene.features import Features
 
+PASS_SECONDS = 2.0
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(eq=False)
 class Run:
-    """One render under way.
+    """One render under way: all that it is at between two launches is in `state`.
 
     Attributes:
         round_allocations: the allocation after each learn round so far, if they are to be kept.
+        after_pass: called whenever a pass over the picture is through.
+        pass_seconds: about how long a pass takes once the first ones are through [s].
+        round: the present round's number, from 0 on.
+        saved: the state that this run goes on from, until it has come to the round where that was taken.
     """
 
     scene: Scene
@@ -34,9 +41,37 @@ class Run:
     integrator: Integrator
     reporter: Reporter
     round_allocations: list[NDArray[np.float32]] = field(default_factory=list)
+    after_pass: list[Callable[[Run], None]] = field(default_factory=list)
+    pass_seconds: float = PASS_SECONDS
+    round: int = 0
+    saved: dict[str, Any] | None = None
 
-    def result(self, notes: Sequence[str] = ()) -> RenderResult:
-        """The picture of all samples so far, with `notes` after the scene's own."""
+    def state(self) -> dict[str, Any]:
+        """Arrays and plain values, from which another process goes on to the same bits."""
+        watch = self.reporter.watch
+        return {
+            "round": self.round,
+            "integrator": self.integrator.state(),
+            "reporter": self.reporter.state(),
+            "watch": watch and watch.state(),
+            "round_allocations": list(self.round_allocations),
+        }
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Go on from a state of the same render."""
+        self.saved, self.round = state, state["round"]
+        self.integrator.resume(state["integrator"])
+        self.reporter.resume(state["reporter"])
+        self.round_allocations[:] = state["round_allocations"]
+        if self.reporter.watch is not None:
+            self.reporter.watch.resume(state["watch"])
+
+    def image(self) -> NDArray[np.float32]:
+        """The picture of all samples so far, linear Rec.709, shape (H, W, 3)."""
+        return self._films()[0].image() * np.float32(self.scene.camera.exposure)
+
+    def result(self, notes: Sequence[str] = (), interrupted: str = "") -> RenderResult:
+        """The picture of all samples so far, with `notes` after the scene's own; interrupted: where, if it was."""
         scene, config, integrator = self.scene, self.config, self.integrator
         film, final = self._films()
         exposure = scene.camera.exposure
@@ -58,10 +93,17 @@ class Run:
             strategies=config.strategies,
             stats=stats,
             name=scene.name,
-            settings={**config.to_dict(), "camera": scene.camera.path},
+            settings=self._settings(interrupted),
             warnings=scene.warnings,
             notes=(*scene.notes, *notes, *self._rejected(stats), *kernel_cache.notes()),
         )
+
+    def _settings(self, interrupted: str) -> SettingsDict:
+        settings = self.config.to_dict()
+        settings["camera"] = self.scene.camera.path
+        if interrupted:
+            settings["interrupted"] = interrupted
+        return settings
 
     def _films(self) -> tuple[Film, Film]:
         """All samples, which make the picture; and those of the last allocation, whose variance it has."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from warpmis.config import RenderConfig
 from warpmis.device.upload import Uploads
 from warpmis.errors import ConfigError, Interrupted
+from warpmis.rendering.checkpoint import CheckpointPart, rendered_or_kept
+from warpmis.rendering.preview import Preview
 from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.rounds import render_scene
@@ -31,6 +34,8 @@ def render_shutter(
     features: Features | None,
     progress: ProgressCallback | None,
     uploads: Uploads,
+    preview: Preview | None = None,
+    checkpoint: CheckpointPart | None = None,
 ) -> RenderResult:
     """The mean of renders at `count` times within the shutter's interval of the scene's camera.
 
@@ -44,20 +49,29 @@ def render_shutter(
     codes = shutter_times(scene.time, scene.camera.shutter, count)
     parts = divided(config, count)
     before = 0
+
+    def render_time(code: float, part: RenderConfig, reporter: Reporter, own: CheckpointPart | None) -> RenderResult:
+        reporter.phase("load", f"time {code:g}")
+        return render_scene(scene_at(code), part, features, reporter, uploads, own)
+
     for index, (code, part) in enumerate(zip(codes, parts, strict=True)):
-        reporter = Reporter(progress, before, part.spp / sum(later.spp for later in parts[index:]))
+        reporter = Reporter(progress, before, part.spp / sum(later.spp for later in parts[index:]), preview)
+
+        own = checkpoint and checkpoint.named(f"time {index}")
         try:
-            reporter.phase("load", f"time {code:g}")
-            results.append(render_scene(scene_at(code), part, features, reporter, uploads))
+            results.append(
+                rendered_or_kept(own, partial(render_time, code, part, reporter), is_last=index == count - 1)
+            )
         except KeyboardInterrupt as stop:
             results += [stop.result] if isinstance(stop, Interrupted) else []
             if not results:
                 raise
             times = f"{len(results)} of {count} times within the shutter"
             result = _over_times(results, config)
+            result.settings["interrupted"] = f"with {times}"
             notes = (*result.notes, f"interrupted at time {code:g}: {times} are in the picture")
             raise Interrupted(dataclasses.replace(result, notes=notes)) from None
-        before += reporter.done
+        before += results[-1].stats["samples"]
     return _over_times(results, config)
 
 

@@ -7,10 +7,12 @@ that holds for all looks together (Bonferroni).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +39,9 @@ LEARNING_TIME = 0.25
 
 # A step aims this far beyond the need, since about half of those that aim at it fall short.
 BEYOND = 1.05
+
+# What a checkpoint holds of a watch, beside its estimate.
+SAVED = ("parts", "counts", "color", "target_spp", "round_spp", "round_seconds", "step_spp")
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,7 @@ class Watch:
         self.target_spp = math.inf
         self.reason = "samples"
         self.round_spp, self.round_seconds = 0, 0.0  # when the present round began
+        self.step_spp = 0  # after the present step
 
     @property
     def spp(self) -> int:
@@ -96,19 +102,35 @@ class Watch:
     def stopped(self) -> bool:
         return self.reason != "samples"
 
-    def pieces(self, part: Round) -> Iterator[tuple[int, range]]:
-        """What to trace next of a round, and which of the parts `add` is to be told that it belongs to."""
-        self.round_spp, self.round_seconds = self.spp, self.seconds()
-        end = self.spp + part.samples
-        first = part.first_sample - self.spp  # the picture need not hold all samples before the round
-        while self.spp < end and not self.stopped:
-            spp = min(self._next_spp(), end)
-            ends = [spp * index // PARTS for index in range(PARTS + 1)]
+    def pieces(self, part: Round, *, resumed: bool = False) -> Iterator[tuple[int, range]]:
+        """What to trace next of a round, and which of the parts `add` is to be told that it belongs to.
+
+        resumed: the round had begun when the state was saved that this watch has.
+        """
+        if not resumed:
+            self.round_spp, self.round_seconds, self.step_spp = self.spp, self.seconds(), 0
+        end = self.round_spp + part.samples
+        first = part.first_sample - self.round_spp  # the picture need not hold all samples before the round
+        while (self.step_spp or self.spp < end) and not self.stopped:
+            self.step_spp = self.step_spp or min(self._next_spp(), end)
+            ends = [self.step_spp * index // PARTS for index in range(PARTS + 1)]
             for index in range(PARTS):
                 count = ends[index + 1] - ends[index] - int(self.counts[index])
                 if count > 0:
                     yield index, range(first + self.spp, first + self.spp + count)
             self._look()
+            self.step_spp = 0
+
+    def state(self) -> dict[str, Any]:
+        """For a checkpoint."""
+        estimate = self.estimate and dataclasses.asdict(self.estimate)
+        return {name: getattr(self, name) for name in SAVED} | {"estimate": estimate}
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Go on from a state."""
+        for name in SAVED:
+            setattr(self, name, state[name])
+        self.estimate = state["estimate"] and Estimate(**state["estimate"])
 
     def leaves_out(self, part: Round) -> bool:
         """Whether there is no time for a round that trains."""
