@@ -53,7 +53,8 @@ EXTERNAL: dict[str, set[str]] = {
     "flip_evaluator": {"compare"},
     "pyoidn": {"film"},
     "IPython": {"output"},
-    "distributed": {"cluster"},
+    "distributed": {"rendering"},
+    "dask": {"rendering"},
 }
 
 SOURCES = sorted(PACKAGE.rglob("*.py"))

@@ -241,9 +241,10 @@ def run(arguments: argparse.Namespace) -> None:
     said: set[str] = set()
     reports: list[dict[str, Any]] = []
     try:
-        for job in jobs:
-            with shot.passing_over_failures(job):
-                if not shot.leaves_alone(job, config):
+        with shot.workers(config):
+            left = _left_to_do(jobs, config, shot, arguments)
+            for job in left:
+                with shot.passing_over_failures(job):
                     reports.append(_render(job, arguments, config, uploads, said, shot))
     except Interrupted as stop:
         reports.append(_finish(stop.result, shot.current, arguments, said))
@@ -254,6 +255,22 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.json and (reports or shot.failed):
             print_result(json.dumps(plain(_json(arguments, reports, shot)), allow_nan=False))
     shot.end()
+
+
+def _left_to_do(jobs: list[Job], config: RenderConfig, shot: Shot, arguments: argparse.Namespace) -> list[Job]:
+    """The pictures to render; those that are rendered on a cluster as a whole are under way from now on."""
+    left = [job for job in jobs if not shot.leaves_alone(job, config)]
+    if shot.queue is not None:
+        for job in left:
+            shot.queue.add(job.targets["output"], _render_options(job, arguments, config))
+    return left
+
+
+def _render_options(job: Job, arguments: argparse.Namespace, config: RenderConfig) -> dict[str, Any]:
+    """What of the arguments `warpmis.render` takes, beside what this process holds."""
+    more = given(shutter_samples=arguments.shutter_samples, denoise=arguments.denoise)
+    more |= given(features=forced_features(arguments))
+    return {"config": config_of(job, config), **stage_options(arguments), **job.options, **more}
 
 
 def _json(arguments: argparse.Namespace, reports: list[dict[str, Any]], shot: Shot) -> dict[str, Any]:
@@ -280,14 +297,15 @@ def _render(
 ) -> dict[str, Any]:
     start = time.perf_counter()
     with progress_bar(quiet=arguments.quiet, label=job.label) as show:
-        more = given(shutter_samples=arguments.shutter_samples, uploads=uploads, features=forced_features(arguments))
-        more |= given(denoise=arguments.denoise) | shot.render_options()
-        options = {**stage_options(arguments), **job.options}
-        result = warpmis.render(arguments.stage, config=config_of(job, config), progress=show, **options, **more)
+        if shot.queue is not None:
+            result = shot.queue.result(job.targets["output"])
+        else:
+            options = _render_options(job, arguments, config) | given(uploads=uploads) | shot.render_options()
+            result = warpmis.render(arguments.stage, progress=show, **options)
     report = _finish(result, job, arguments, said)
     shot.finished(job, config)
     if arguments.explain:
-        explain(result, arguments.stage, options)
+        explain(result, arguments.stage, {**stage_options(arguments), **job.options})
     if not arguments.quiet:
         say(_summary(result, config, job.targets["output"], time.perf_counter() - start))
     return report

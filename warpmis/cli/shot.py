@@ -18,6 +18,8 @@ from warpmis.errors import ConfigError, WarpmisError
 
 if TYPE_CHECKING:
     from warpmis.rendering.checkpoint import Checkpoint
+    from warpmis.rendering.cluster import Farm
+    from warpmis.rendering.cluster_pictures import PictureQueue
 
 MOST_NAMED = 10
 
@@ -34,6 +36,13 @@ def add_shot_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--skip-existing", action="store_true", help="leave pictures alone whose files are there and whole"
+    )
+    group.add_argument(
+        "--cluster", metavar="WHERE",
+        help="render on local:N processes, or on the workers of a Dask scheduler such as tcp://HOST:8786",
+    )  # fmt: skip
+    group.add_argument(
+        "--ship-stage", action="store_true", help="send the stage to the workers, who then need not find its files"
     )
     group.add_argument("--preview", metavar="FILE.png", help="rewrite this picture every few seconds, to look at")
 
@@ -57,7 +66,32 @@ class Shot:
         self.current = jobs[0]
         self.failed: list[dict[str, str]] = []
         self.checkpoint = _checkpoint_of(arguments)
+        if arguments.ship_stage and arguments.cluster is None:
+            raise ConfigError("--ship-stage is for --cluster")
+        self.farm: Farm | None = None
+        self.queue: PictureQueue | None = None
         self.show = None if arguments.preview is None else _preview_file(arguments)
+
+    @contextmanager
+    def workers(self, config: RenderConfig) -> Iterator[None]:
+        """The cluster, if there is one, for as long as pictures are rendered."""
+        if self.arguments.cluster is None:
+            yield
+            return
+        from warpmis.rendering.cluster import farm_of
+        from warpmis.rendering.cluster_pictures import PictureQueue
+
+        tell = (lambda line: None) if self.arguments.quiet else say
+        with farm_of(self.arguments.cluster, config, ship_stage=self.arguments.ship_stage, tell=tell) as self.farm:
+            # A checkpoint and a preview follow one picture at a time, and so does what is shipped.
+            is_queue = len(self.jobs) > 1 and not (self.checkpoint or self.show or self.arguments.ship_stage)
+            if is_queue and self.farm is not None:
+                self.queue = PictureQueue(self.farm, self.arguments.stage)
+            try:
+                yield
+            finally:
+                if self.queue is not None:
+                    self.queue.cancel()
 
     def leaves_alone(self, job: Job, config: RenderConfig) -> bool:
         """Whether the job's pictures are there already."""
@@ -99,7 +133,7 @@ class Shot:
         """For warpmis.render, of the current job."""
         if self.checkpoint is not None:
             self.checkpoint.name = self.current.targets["output"] if len(self.jobs) > 1 else ""
-        return given(checkpoint=self.checkpoint, preview=self.show)
+        return given(checkpoint=self.checkpoint, preview=self.show, cluster=self.farm)
 
     def finished(self, job: Job, config: RenderConfig) -> None:
         """The job's files are written."""

@@ -33,8 +33,9 @@ from warpmis.kernels.cache.lookup import make_locate
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.schedule import Round
-from warpmis.rendering.integrator import Integrator, Pass
+from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.round_view import round_view
+from warpmis.rendering.tracer import Pass
 from warpmis.scene.features import Features
 
 # The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
@@ -270,6 +271,11 @@ class GuidedIntegrator(Integrator):
 
     def decisions_of(self, part: Round) -> dict[str, Any]:
         return {}
+
+    def kernels_of(self, part: Round) -> list[wp.Kernel]:
+        if self.training is not None:
+            return [self.record_kernel]
+        return [self.guide_kernel if self.is_guided else self.plain_kernel]
 
     def common_of(self, part: Round) -> dict[str, Any]:
         films = [film and dict(vars(film)) for film in (self.learned_film, None)]

@@ -15,6 +15,7 @@ from warpmis.device.upload import Uploads as Uploads  # for callers, too
 from warpmis.errors import ConfigError
 from warpmis.rendering.checkpoint import INTERVAL as CHECKPOINT_INTERVAL
 from warpmis.rendering.checkpoint import Checkpoint, CheckpointPart, asked_of
+from warpmis.rendering.cluster import Farm, farm_of
 from warpmis.rendering.halves import render_halves
 from warpmis.rendering.preview import INTERVAL as PREVIEW_INTERVAL
 from warpmis.rendering.preview import Preview, PreviewCallback
@@ -81,6 +82,8 @@ def render(
     checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
     checkpoint_interval: float = CHECKPOINT_INTERVAL,
     resume: bool = False,
+    cluster: Any = None,
+    ship_stage: bool = False,
     features: Features | None = None,
     uploads: Uploads | None = None,
 ) -> RenderResult:
@@ -120,6 +123,10 @@ def render(
             is removed when the picture is whole.
         checkpoint_interval: how often it is written [s]; also when the render is interrupted.
         resume: go on from the checkpoint, if there is one.
+        cluster: "local:2" for so many processes of this machine, the address of a Dask scheduler such as
+            "tcp://host:8786", or a distributed.Client: their workers render, to the bits of one machine (extra
+            `distributed`).
+        ship_stage: send the scene to the workers, textures included; without it they read the stage by its path.
         features: the effects to compile; None for those of the scene, Features.all() for every one.
         uploads: data of an earlier render on the device, which is reused where it is the same.
 
@@ -158,12 +165,13 @@ def render(
     ) -> RenderResult:
         reporter = Reporter(progress, preview=look)
         if not isinstance(stage, Scene):
-            return _render_stage(stage, options, config, shutter_samples, features, reporter, uploads, part)
+            return _render_stage(stage, options, config, shutter_samples, features, reporter, uploads, part, farm)
         reporter.phase("load")
-        return render_scene(_scene_as_read(stage, config, options), config, features, reporter, uploads, part)
+        return render_scene(_scene_as_read(stage, config, options), config, features, reporter, uploads, part, farm)
 
     part = None if file is None else CheckpointPart(file)
-    result = render_halves(render_one, config, progress, part) if denoise else render_one(config, progress, part)
+    with farm_of(cluster, config, ship_stage=ship_stage) as farm:
+        result = render_halves(render_one, config, progress, part) if denoise else render_one(config, progress, part)
     if look is not None:
         look.show(result.shown)
     return result if file is None else _finished(result, file, is_own=file is not checkpoint)
@@ -197,6 +205,7 @@ def _render_stage(
     reporter: Reporter,
     uploads: Uploads | None,
     part: CheckpointPart | None,
+    farm: Farm | None,
 ) -> RenderResult:
     """Read the stage at one time or at several, and render it."""
     if config.target_error is not None and shutter_samples > 1:
@@ -204,6 +213,8 @@ def _render_stage(
     from warpmis.usd import load_stage  # here, so that a Scene can be rendered without pxr
 
     reporter.phase("load")
+    if farm is not None and isinstance(stage, str | os.PathLike) and os.path.exists(stage):
+        farm.source = os.path.abspath(stage), {**options, "width": config.width}
     scene = load_stage(stage, width=config.width, **options)
     opens, closes = scene.camera.shutter
     if opens < closes and shutter_samples > 1:
@@ -211,12 +222,12 @@ def _render_stage(
         def scene_at(code: float) -> Scene:
             return load_stage(stage, width=config.width, **{**options, "time": code})
 
-        shown = reporter.progress, uploads or Uploads(), reporter.preview, part
+        shown = reporter.progress, uploads or Uploads(), reporter.preview, part, farm
         return render_shutter(scene, scene_at, config, shutter_samples, features, *shown)
     if opens < closes:
         note = "the camera's shutter is open, but one shutter sample gives no motion blur: ask for more"
         scene = dataclasses.replace(scene, notes=(*scene.notes, note))
-    return render_scene(scene, config, features, reporter, uploads, part)
+    return render_scene(scene, config, features, reporter, uploads, part, farm)
 
 
 def _scene_as_read(scene: Scene, config: RenderConfig, options: dict[str, Any]) -> Scene:

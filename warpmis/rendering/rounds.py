@@ -13,6 +13,7 @@ from warpmis.device.upload import Uploads, upload
 from warpmis.errors import Interrupted
 from warpmis.learn.schedule import Round
 from warpmis.rendering.checkpoint import CheckpointPart
+from warpmis.rendering.cluster import Farm
 from warpmis.rendering.guided import GuidedIntegrator
 from warpmis.rendering.integrator import Integrator, allocation_of
 from warpmis.rendering.reporter import Reporter
@@ -31,6 +32,7 @@ def render_scene(
     reporter: Reporter,
     uploads: Uploads | None = None,
     checkpoint: CheckpointPart | None = None,
+    farm: Farm | None = None,
 ) -> RenderResult:
     """Render a scene as it is, by the rounds of its schedule.
 
@@ -50,6 +52,8 @@ def render_scene(
         run = begin(scene, config, features, compiler, reporter, uploads)
         if checkpoint is not None:
             checkpoint.begin(run)
+        if farm is not None:
+            farm.join(run)
         return rendered(run, checkpoint)
 
 
@@ -146,17 +150,19 @@ def trace_piece(part: Round, piece: range, run: Run, advance: Callable[[int], No
 
 
 def passes(run: Run, piece: range, *, in_one: bool) -> Iterator[range]:
-    """The samples of each pass: as many as all before it in the piece, until one takes Run.pass_seconds.
+    """The samples of each pass: as many as all before it in the piece, until one takes Run.pass_seconds; or two passes.
 
     in_one: all at once, where nobody looks at the picture.
     """
     if run.integrator.passing:
         yield run.integrator.passing
     start, count = max(piece.start, run.integrator.next_sample), 1
+    if run.first_pass is not None:
+        count = max(1, int(run.first_pass * len(piece))) if start == piece.start else len(piece)
     while start < piece.stop:
         samples = piece[start - piece.start :] if in_one else piece[start - piece.start :][:count]
         begun = time.perf_counter()
         yield samples
         start = samples.stop
         pace = run.pass_seconds / max(time.perf_counter() - begun, 1e-6)
-        count = max(1, min(2 * count, int(count * pace)))
+        count = max(1, min(2 * count, int(count * pace))) if run.first_pass is None else len(piece)

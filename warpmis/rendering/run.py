@@ -31,6 +31,7 @@ class Run:
         round_allocations: the allocation after each learn round so far, if they are to be kept.
         after_pass: called whenever a pass over the picture is through.
         pass_seconds: about how long a pass takes once the first ones are through [s].
+        first_pass: part of a piece's samples that the first of two passes takes; None for passes by pass_seconds.
         round: the present round's number, from 0 on.
         saved: the state that this run goes on from, until it has come to the round where that was taken.
     """
@@ -43,6 +44,7 @@ class Run:
     round_allocations: list[NDArray[np.float32]] = field(default_factory=list)
     after_pass: list[Callable[[Run], None]] = field(default_factory=list)
     pass_seconds: float = PASS_SECONDS
+    first_pass: float | None = None
     round: int = 0
     saved: dict[str, Any] | None = None
 

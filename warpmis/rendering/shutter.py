@@ -14,6 +14,7 @@ from warpmis.config import RenderConfig
 from warpmis.device.upload import Uploads
 from warpmis.errors import ConfigError, Interrupted
 from warpmis.rendering.checkpoint import CheckpointPart, rendered_or_kept
+from warpmis.rendering.cluster import Farm
 from warpmis.rendering.preview import Preview
 from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.rendering.result import RenderResult
@@ -36,6 +37,7 @@ def render_shutter(
     uploads: Uploads,
     preview: Preview | None = None,
     checkpoint: CheckpointPart | None = None,
+    farm: Farm | None = None,
 ) -> RenderResult:
     """The mean of renders at `count` times within the shutter's interval of the scene's camera.
 
@@ -52,7 +54,7 @@ def render_shutter(
 
     def render_time(code: float, part: RenderConfig, reporter: Reporter, own: CheckpointPart | None) -> RenderResult:
         reporter.phase("load", f"time {code:g}")
-        return render_scene(scene_at(code), part, features, reporter, uploads, own)
+        return render_scene(scene_at(code), part, features, reporter, uploads, own, farm)
 
     for index, (code, part) in enumerate(zip(codes, parts, strict=True)):
         reporter = Reporter(progress, before, part.spp / sum(later.spp for later in parts[index:]), preview)
