@@ -35,6 +35,7 @@ from usd.stages import stage_of
 SECTIONS = {
     "light_cases": ("Light", "LIGHT_CASES"),
     "material_cases": ("Material", "MATERIAL_CASES"),
+    "glass_cases": ("Glass", "GLASS_CASES"),
     "geometry_cases": ("Geometry", "GEOMETRY_CASES"),
     "learning_cases": ("Learning", "LEARNING_CASES"),
 }

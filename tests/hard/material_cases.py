@@ -61,7 +61,7 @@ def metal_case(roughness: float, grazing: bool) -> HardCase:
             else "D(h) written with cos^2 loses its digits about the normal, and D / (4 cos) those at the horizon"
         ),
         remedy=(
-            "below alpha 1e-3 a mirror, followed without a density (features.py: SMOOTH_ALPHA; pbrt-v4)"
+            "below alpha 1e-3 a mirror, followed without a density (scene/material.py: SMOOTH_ALPHA; pbrt-v4)"
             if smooth
             else "D by slopes, visible normals (Heitz 2018), no density where there is no sample"
         ),

@@ -30,8 +30,9 @@ from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.intersect import make_intersect
 from warpmis.scene import Camera, Material, Prim, Scene
-from warpmis.scene.features import SMOOTH_ALPHA, Features, is_smooth
+from warpmis.scene.features import Features
 from warpmis.scene.geometry import Geometry
+from warpmis.scene.material import SMOOTH_ALPHA, is_smooth
 
 COUNT = 1 << 19
 PILOT = 1 << 15

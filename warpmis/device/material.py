@@ -256,11 +256,16 @@ def material_view(material: Any, double_sided: bool, inputs: int) -> MaterialVie
         view.coat = material.clearcoat
     view.has_specular = not material.lambertian
     view.diffuse, view.specular_f0, view.emission = tuple(diffuse), tuple(f0), material.mean_emission
-    # Alpha 0 would divide by 0; below features.SMOOTH_ALPHA a lobe is a mirror whatever its alpha.
+    # Alpha 0 would divide by 0; below SMOOTH_ALPHA a lobe is a mirror whatever its alpha.
     view.alpha = max(material.roughness**2, 1e-6)
     view.coat_f0, view.coat_alpha = reflectance, max(material.clearcoat_roughness**2, 1e-6)
     view.opacity = material.opacity
     view.opacity_is_presence = material.lambertian or material.opacity_mode == "presence"
+    view.transmission, view.ior, view.thin_walled = material.transmission, material.ior, material.thin_walled
+    has_depth = material.transmission_depth > 0.0 and not material.thin_walled
+    view.tint = (1.0, 1.0, 1.0) if has_depth else material.transmission_color
+    if has_depth:
+        view.absorption = tuple(-np.log(np.maximum(material.transmission_color, 1e-6)) / material.transmission_depth)
     view.double_sided = double_sided
     view.inputs = inputs
     return view

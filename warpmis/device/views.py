@@ -76,6 +76,9 @@ class MaterialView:
     specular_f0: reflectance at normal incidence, of a lobe that is there where has_specular. alpha: roughness squared.
     normal: of a normal map, along the directions in which s and t grow and the shading normal; 0 where there is none.
     opacity_is_presence: opacity cuts all lobes; if not, the specular lobes reflect first, and opacity cuts the rest.
+    transmission: the share of the surface that is a dielectric interface; ior: of what is behind its front, relative to
+    what is before it; tint: of light at each passage; absorption: of light within [1/scene unit]; thin_walled: the same
+    medium is on both sides.
     inputs: row of VaryingView.inputs, or CONSTANT where no input varies over the surface. Where some do, the fields
     here are those of the inputs' means.
     """
@@ -91,6 +94,11 @@ class MaterialView:
     coat_alpha: float
     opacity: float
     opacity_is_presence: bool
+    transmission: float
+    ior: float
+    tint: wp.vec3
+    absorption: wp.vec3
+    thin_walled: bool
     double_sided: bool
     inputs: int
 

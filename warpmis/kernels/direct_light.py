@@ -8,6 +8,7 @@ from warpmis.device.views import SceneView
 from warpmis.kernels.light.delta_light import make_delta_light
 from warpmis.kernels.light.on_ray import SHADOW_END
 from warpmis.kernels.light.records import NO_LIGHT, Receiver
+from warpmis.kernels.medium import transmittance
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance, to_local
@@ -63,6 +64,8 @@ def make_direct_light(
             f_cos = wp.cw_mul(f_cos, lights.control.response(scene, index, scattering.diffuse))
         through = intersect.transmittance(scene, index, r.x, s.wi, s.distance * SHADOW_END)
         direct.radiance = wp.cw_mul(wp.cw_mul(f_cos, s.irradiance), through) * s.inverse_pmf
+        if wp.static(features.absorption):
+            direct.radiance = wp.cw_mul(direct.radiance, transmittance(r.absorption, s.distance))
         direct.rays = 1
         return direct
 
@@ -86,6 +89,8 @@ def make_direct_light(
         scattered.pdf = towards.pdf_solid_angle
         scattered.pdf_bsdf = scattering.pdf_solid_angle
         scattered.radiance = wp.cw_mul(scattering.f_cos, towards.radiance)
+        if wp.static(features.absorption):
+            scattered.radiance = wp.cw_mul(scattered.radiance, transmittance(r.absorption, towards.distance))
         return scattered
 
     @wp.func

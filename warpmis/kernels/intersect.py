@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import FLAT, MaterialView, SceneView
+from warpmis.kernels.bsdf.dielectric import is_clear_pane, pane_transmittance
 from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
 from warpmis.kernels.hit import NO_INSTANCE, Hit, make_hit
 from warpmis.kernels.instances import make_instances, normal_to_world
@@ -78,7 +79,18 @@ def make_intersect(features: Features) -> SimpleNamespace:
                 f = schlick(material.specular_f0, cos_theta)
                 share = wp.cw_mul(share, wp.vec3(1.0, 1.0, 1.0) - f)
                 share = share * (1.0 - material.coat * schlick_scalar(material.coat_f0, cos_theta))
+        if wp.static(features.transmission):
+            if is_clear_pane(material):
+                share += pane_transmittance(material, cos_theta) * material.opacity
         return share
+
+    @wp.func
+    def is_opaque(material: MaterialView) -> bool:
+        """Whether no light goes straight through, wherever on the surface. The material's inputs are their means."""
+        if wp.static(features.transmission):
+            if material.transmission > 0.0 and material.thin_walled:
+                return False
+        return material.opacity >= 1.0
 
     @wp.func
     def prim_of(scene: SceneView, hit: Hit) -> int:
@@ -124,7 +136,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
                     is_caster = scene.controls[light].shadow_casters[prim_of(scene, hit)] != 0
             if is_caster:
                 material = scene.materials[scene.triangles[hit.triangle].material]
-                if material.opacity >= 1.0:
+                if is_opaque(material):
                     return wp.vec3(0.0, 0.0, 0.0)
                 material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
                 cos_theta = to_local(shading_frame(scene, hit, material, wi), -wi)[2]

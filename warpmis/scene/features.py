@@ -12,10 +12,8 @@ import numpy as np
 
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
-from warpmis.scene.texture import Lookup, PrimvarLookup, TextureLookup, bounds_of
-
-# Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
-SMOOTH_ALPHA = 1e-3
+from warpmis.scene.material import is_smooth
+from warpmis.scene.texture import PrimvarLookup, TextureLookup, bounds_of
 
 # Up to so many lights are weighed one by one; measured by scripts/bench/many_lights.py.
 FEW_LIGHTS = 8
@@ -35,7 +33,8 @@ class Features:
         light_response: lights that diffuse and specular lobes see differently.
         light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
-        opacity: surfaces that let rays through.
+        opacity: surfaces that let rays straight through.
+        transmission: dielectric interfaces that refract; absorption: within some of them light is lost.
         instances: prototypes that are traced through the transforms of their places.
         shading_normals: normals that differ from the triangle's.
         textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
@@ -69,6 +68,8 @@ class Features:
     clearcoat: bool = False
     smooth: bool = False
     opacity: bool = False
+    transmission: bool = False
+    absorption: bool = False
     instances: bool = False
     shading_normals: bool = False
     textures: bool = False
@@ -116,11 +117,6 @@ class Features:
     def with_depth(self, max_depth: int) -> Features:
         """What paths of so many bounces need of these effects."""
         return replace(self, indirect=self.indirect and max_depth > 1)
-
-
-def is_smooth(roughness: float | Lookup) -> bool:
-    """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror, anywhere if it is looked up."""
-    return bounds_of(roughness)[0] ** 2 < SMOOTH_ALPHA
 
 
 def is_emissive(material: Material) -> bool:
@@ -194,7 +190,9 @@ def detect(scene: Scene) -> Features:
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
-        opacity=any(m.mean.opacity < 1.0 for m in used),
+        opacity=any(m.mean.opacity < 1.0 or m.is_clear_pane for m in used),
+        transmission=any(m.transmission > 0.0 for m in used),
+        absorption=any(m.transmission > 0.0 and m.transmission_depth > 0.0 and not m.thin_walled for m in used),
         instances=bool(scene.prototypes),
         shading_normals=any(bool((part.normal_indices >= 0).any()) for part in scene.parts),
         textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),

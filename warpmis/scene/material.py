@@ -8,9 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from warpmis.scene.texture import Lookup, TextureLookup, is_lookup, mean_of
+from warpmis.scene.texture import Lookup, TextureLookup, bounds_of, is_lookup, mean_of
 
 Color = tuple[float, float, float]
+
+# Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
+SMOOTH_ALPHA = 1e-3
+
+
+def is_smooth(roughness: float | Lookup) -> bool:
+    """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror, anywhere if it is looked up."""
+    return bounds_of(roughness)[0] ** 2 < SMOOTH_ALPHA
 
 
 @dataclass(frozen=True)
@@ -20,6 +28,12 @@ class Material:
     `lambertian` is the surface of a prim with no material: diffuse alone, no specular lobe at all. `normal` is a
     vector in the frame of the shading normal and the texture coordinates' directions, None for the shading normal
     itself. `opacity_threshold`, if above 0, makes an opacity that is looked up 0 or 1; a constant one is so already.
+
+    A share `transmission` of the surface is a dielectric interface of index `ior`, of the lobe's `roughness`, that
+    reflects and refracts; the rest is all of the above. Names and meanings are OpenPBR's: with a `transmission_depth`
+    [scene units] above 0 white light becomes `transmission_color` over that distance within, else it is tinted so at
+    each passage. A `thin_walled` surface has the same medium on both sides, and bends no light.
+    Reference: Andersson et al. (2024), "OpenPBR Surface", section "Translucent base".
     """
 
     path: str = ""
@@ -35,6 +49,10 @@ class Material:
     opacity_threshold: float = 0.0
     opacity_mode: str = "transparent"  # or "presence"
     ior: float = 1.5
+    transmission: float = 0.0
+    transmission_color: Color = (1.0, 1.0, 1.0)
+    transmission_depth: float = 0.0
+    thin_walled: bool = False
     normal: TextureLookup | None = None
     lambertian: bool = False
 
@@ -56,6 +74,11 @@ class Material:
                 means[name] = (means[name],) * 3
         opacity = mean_of(self.opacity, threshold=self.opacity_threshold)
         return replace(self, **means, opacity=opacity, normal=None)
+
+    @property
+    def is_clear_pane(self) -> bool:
+        """Whether it lets light straight through: thin, and so smooth that what is behind it is seen sharply."""
+        return self.transmission > 0.0 and self.thin_walled and is_smooth(self.roughness)
 
     @property
     def mean_emission(self) -> tuple[float, float, float]:

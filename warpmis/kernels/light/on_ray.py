@@ -13,6 +13,7 @@ from warpmis.kernels.light.dome import dome_pdf, dome_radiance, dome_uv, pdf_dom
 from warpmis.kernels.light.mesh_light import hit_emitter_triangle, pdf_mesh, triangle_area
 from warpmis.kernels.light.records import NO_LIGHT, LightHit, RayStretch, Receiver
 from warpmis.kernels.light.tree import CENTER, HALF, ROWS
+from warpmis.kernels.medium import transmittance
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.wide_tree import SlabRay, slab_ray, stack_of_levels
 from warpmis.scene.features import Features
@@ -130,6 +131,8 @@ def make_on_ray(
             if light.kind == DOME and scene.dome.rows > 0:
                 radiance = dome_radiance(scene.dome, dome_uv(scene.dome.to_dome * wi))
         radiance = wp.cw_mul(radiance, through)
+        if wp.static(features.absorption):
+            radiance = wp.cw_mul(radiance, transmittance(r.absorption, h.distance - stretch.near))
         if wp.static(features.controlled):
             radiance = wp.cw_mul(radiance, control.factor(scene, index, r, wi))
             if wp.static(features.light_response):

@@ -70,7 +70,8 @@ class Receiver:
     is rounded, and a light that is small or seen edge-on would be missed: what was drawn counts as hit.
 
     is_surface: False for the camera; prim: index of the prim at x, set where lights are controlled; links: bits of the
-    lights that may reach it, as in LightLeaves. diffuse: the diffuse lobe's share of what the surface scatters from the
+    lights that may reach it, as in LightLeaves. absorption: of the medium that rays leave x through [1/scene unit].
+    diffuse: the diffuse lobe's share of what the surface scatters from the
     ray's direction, per color.
     """
 
@@ -87,4 +88,5 @@ class Receiver:
     is_surface: bool
     prim: int
     links: int
+    absorption: wp.vec3
     diffuse: wp.vec3

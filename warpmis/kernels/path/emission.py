@@ -12,6 +12,7 @@ from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.choice import density
 from warpmis.kernels.light.on_ray import LightsOnRay
+from warpmis.kernels.medium import transmittance
 from warpmis.kernels.mis import balance_weight
 from warpmis.scene.features import Features
 
@@ -21,7 +22,7 @@ wp.set_module_options({"enable_backward": False})
 def make_emission(
     features: Features, PathState: type, lights: SimpleNamespace, record: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions: add, of_lights, of_surface."""
+    """Functions: add, of_lights, of_surface, arriving."""
 
     @wp.func
     def add(path: wp.ref[PathState], emission: wp.vec3):
@@ -47,6 +48,15 @@ def make_emission(
         return wp.cw_mul(emission, factor)
 
     @wp.func
+    def arriving(path: wp.ref[PathState], hit: wp.ref[Hit], material: MaterialView) -> wp.vec3:
+        """Share of light that the medium before the surface leaves over. Before a back face that is the surface's own,
+        also for a camera within it. Reference: Beer's law."""
+        absorption = path.receiver.absorption
+        if not hit.is_front and material.transmission > 0.0:
+            absorption = material.absorption
+        return transmittance(absorption, hit.distance)
+
+    @wp.func
     def of_surface(
         scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], material: MaterialView, distance: float
     ) -> wp.vec3:
@@ -55,6 +65,8 @@ def make_emission(
         if emitter < 0 or (not hit.is_front and not material.double_sided):
             return wp.vec3(0.0, 0.0, 0.0)
         emission = material.emission
+        if wp.static(features.absorption):
+            emission = wp.cw_mul(emission, arriving(path, hit, material))
         if wp.static(features.controlled):
             emission = controlled(scene, path, scene.emitter_lights[emitter], emission)
         if path.weighs_emission:
@@ -62,4 +74,4 @@ def make_emission(
             emission = emission * balance_weight(path.pdf, density(of_light, path.receiver.total))
         return emission
 
-    return SimpleNamespace(add=add, of_lights=of_lights, of_surface=of_surface)
+    return SimpleNamespace(add=add, of_lights=of_lights, of_surface=of_surface, arriving=arriving)

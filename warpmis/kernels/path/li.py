@@ -13,7 +13,7 @@ import warp as wp
 
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
-from warpmis.kernels.bsdf.events import MIRROR, PASS, make_events
+from warpmis.kernels.bsdf.events import INTERFACE, MIRROR, PASS, make_events
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.camera import CameraRay
 from warpmis.kernels.direct_light import make_direct_light
@@ -54,7 +54,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     vertices = make_vertex(features, PathState, surface, lights, direct_light)
     throughput = make_throughput(features, surface, estimator)
     sampler = make_sampler(features)
-    has_events = features.smooth or features.opacity
+    has_events = features.smooth or features.opacity or features.transmission
 
     @wp.func
     def camera_path(scene: SceneView, ray: CameraRay, key: rng.RngKey, allocation: vec_s, u_choice: float) -> PathState:
@@ -112,6 +112,8 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             if wp.static(features.mesh_light):
                 emitted += emission.of_surface(scene, path, hit, material, distance)
             emission.add(path, emitted)
+            if wp.static(features.absorption):
+                path.beta = wp.cw_mul(path.beta, emission.arriving(path, hit, material))
 
             # A surface may let the path pass straight through.
             frame = intersect.shading_frame(scene, hit, material, path.wi)
@@ -136,6 +138,12 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             if wp.static(has_events):
                 if event.kind == MIRROR:
                     if not specular.reflect(scene, path, hit, frame, wo):
+                        break
+                    continue
+            if wp.static(features.transmission):
+                if event.kind == INTERFACE:
+                    u = rng.uniform4_of_step(key, step, rng.SCATTER)
+                    if not specular.cross(scene, path, hit, material, frame, wo, event.u_remapped, u):
                         break
                     continue
 

@@ -1,10 +1,11 @@
-"""The path's way on through a mirror, or straight through a surface."""
+"""The path's way on from a mirror, through a dielectric interface, or straight through a surface."""
 
 from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import SceneView
+from warpmis.device.views import MaterialView, SceneView
+from warpmis.kernels.bsdf.dielectric import sample_interface
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.shading_frame import Frame, to_world
@@ -14,7 +15,7 @@ wp.set_module_options({"enable_backward": False})
 
 
 def make_specular(features: Features, PathState: type, lights: SimpleNamespace) -> SimpleNamespace:
-    """Functions: pass_through, reflect."""
+    """Functions: pass_through, reflect, cross."""
 
     @wp.func
     def pass_through(path: wp.ref[PathState], hit: wp.ref[Hit], distance: float):
@@ -23,15 +24,46 @@ def make_specular(features: Features, PathState: type, lights: SimpleNamespace) 
         path.travelled = distance
 
     @wp.func
-    def reflect(scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], frame: Frame, wo: wp.vec3) -> bool:
-        """Mirror the path about the shading normal; False where it would enter the surface."""
-        path.wi = wp.normalize(to_world(frame, wp.vec3(-wo[0], -wo[1], wo[2])))
+    def leave(scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], frame: Frame, wi: wp.vec3):
+        """Go on from path.origin in a local direction that no light sample could have been drawn in."""
+        path.wi = wp.normalize(to_world(frame, wi))
+        absorption = path.receiver.absorption
         path.receiver = Receiver()
         path.receiver.x = path.origin
+        if wp.static(features.absorption):
+            path.receiver.absorption = absorption
         if wp.static(features.controlled):
             path.receiver.is_surface = True
             path.receiver.prim = lights.control.prim_of(scene, hit)
         path.weighs_emission = False
+
+    @wp.func
+    def reflect(scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], frame: Frame, wo: wp.vec3) -> bool:
+        """Mirror the path about the shading normal; False where it would enter the surface."""
+        leave(scene, path, hit, frame, wp.vec3(-wo[0], -wo[1], wo[2]))
         return wp.dot(path.wi, hit.ng) > 0.0
 
-    return SimpleNamespace(pass_through=pass_through, reflect=reflect)
+    @wp.func
+    def cross(
+        scene: SceneView,
+        path: wp.ref[PathState],
+        hit: wp.ref[Hit],
+        material: MaterialView,
+        frame: Frame,
+        wo: wp.vec3,
+        u_choice: float,
+        u: wp.vec4,
+    ) -> bool:
+        """Reflect or refract the path at a dielectric interface; False where it ends there."""
+        s = sample_interface(material, wo, hit.is_front, u_choice, u)
+        path.beta = wp.cw_mul(path.beta, s.weight)
+        if s.is_refracted:
+            path.origin = hit.p - hit.ng * hit.offset
+            if wp.static(features.absorption):
+                if not material.thin_walled:
+                    path.receiver.absorption = wp.where(hit.is_front, material.absorption, wp.vec3(0.0, 0.0, 0.0))
+        leave(scene, path, hit, frame, s.wi)
+        cosine = wp.dot(path.wi, hit.ng)
+        return wp.length_sq(s.wi) > 0.0 and wp.where(s.is_refracted, cosine < 0.0, cosine > 0.0)
+
+    return SimpleNamespace(pass_through=pass_through, reflect=reflect, cross=cross)

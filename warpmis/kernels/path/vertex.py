@@ -63,7 +63,10 @@ def make_vertex(
         prim = int(0)
         if wp.static(features.controlled):
             prim = lights.control.prim_of(scene, hit)
+        absorption = path.receiver.absorption
         path.receiver = lights.receiver(scene, path.origin, frame.n, prim, vertex.u_light[0], vertex.u_light[1])
+        if wp.static(features.absorption):
+            path.receiver.absorption = absorption
         if not path.has_scattered:
             # What the choices leave of their number serves as the first number of the direction.
             vertex.u_light[1] = path.receiver.choice.u_remapped

@@ -38,6 +38,8 @@ class SurfaceModel:
     emission_color: str
     opacity: tuple[str, int]
     normal: str
+    transmission: str
+    thin_walled: str
     left_out: tuple[str, ...]
 
 
@@ -55,7 +57,12 @@ MODELS = {
         emission_color="emission_color",
         opacity=("opacity", 3),
         normal="normal",
-        left_out=("transmission", "subsurface", "sheen", "thin_film_thickness", "specular_anisotropy"),
+        transmission="transmission",
+        thin_walled="thin_walled",
+        left_out=(
+            "subsurface", "sheen", "thin_film_thickness", "specular_anisotropy", "transmission_dispersion",
+            "transmission_extra_roughness",
+        ),
     ),
     "ND_open_pbr_surface_surfaceshader": SurfaceModel(
         base=("base_weight", 1.0),
@@ -70,9 +77,11 @@ MODELS = {
         emission_color="emission_color",
         opacity=("geometry_opacity", 1),
         normal="geometry_normal",
+        transmission="transmission_weight",
+        thin_walled="geometry_thin_walled",
         left_out=(
-            "transmission_weight", "subsurface_weight", "fuzz_weight", "thin_film_weight",
-            "specular_roughness_anisotropy",
+            "subsurface_weight", "fuzz_weight", "thin_film_weight", "specular_roughness_anisotropy",
+            "transmission_dispersion_scale",
         ),
     ),
 }  # fmt: skip
@@ -104,9 +113,30 @@ def read_materialx(shader: Any, network: MaterialXNetwork) -> Material:
         clearcoat_roughness=_input(shader, network, *model.coat_roughness, 1),
         opacity=_as_number(_input(shader, network, opacity_name, 1.0, opacity_width)),
         opacity_mode="presence",
-        ior=_effective_ior(shader, network, model),
         normal=_normal(network.value(shader, model.normal, 3)),
+        **(_transmission(shader, network, model) or {"ior": _effective_ior(shader, network, model)}),
     )
+
+
+def _transmission(shader: Any, network: MaterialXNetwork, model: SurfaceModel) -> dict[str, Any]:
+    """The dielectric share of the surface, whose inputs must be constant; nothing where light is not refracted."""
+    weight = _weight(shader, network, model.transmission, 0.0, 1.0)
+    if weight == 0.0:
+        return {}
+    color = _input(shader, network, "transmission_color", 1.0, 3)
+    if is_lookup(color):
+        network.reading.warn(network.path, "inputs:transmission_color must be constant; white is used")
+        color = (1.0, 1.0, 1.0)
+    if any(network.vector(shader, "transmission_scatter", 3, (0.0, 0.0, 0.0))):
+        network.reading.warn(network.path, "inputs:transmission_scatter is not supported; it is left out")
+    return {
+        "transmission": weight,
+        "transmission_color": color,
+        "transmission_depth": _weight(shader, network, "transmission_depth", 0.0, np.inf),
+        "thin_walled": network.constant(shader, model.thin_walled, False),
+        # Facets reflect by the same index as they refract by: a specular weight would change both.
+        "ior": max(_weight(shader, network, model.ior, 1.5, np.inf), 1e-3),
+    }
 
 
 def _weighted(

@@ -1,0 +1,166 @@
+"""Rough dielectric interfaces: directions against Walter's densities on the whole sphere, weights against his BSDF, and
+the same picture by all methods.
+
+Significance is Sidak-corrected over the file. The densities are NumPy's, written from the paper's equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+from numpy.typing import NDArray
+from statistical.estimates import REGIONS, block_means, caught_bias, paired_p_values
+from stats import DirectionGrid, detectable_imbalance, fit_directions, sidak
+
+import warpmis
+from warpmis.device.material import material_view
+from warpmis.device.views import MaterialView
+from warpmis.kernels import rng
+from warpmis.kernels.bsdf.dielectric import sample_interface
+from warpmis.scene import DomeLight, Material, RectLight, Scene
+
+FloatArray = NDArray[np.float64]
+COUNT = 1 << 19
+COSINES = (0.95, 0.5, 0.15)
+CASES = [(rough, ior, front) for rough, ior in ((0.5, 1.5), (0.8, 1.33), (1.0, 2.4)) for front in (True, False)]
+SIGNIFICANCE = sidak(0.01, len(CASES) * len(COSINES))
+GRID = DirectionGrid.about(np.array([0.0, 0.0, 1.0]), np.linspace(0.0, 2.0, 41), 24)
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def draw(
+    material: MaterialView, wo: wp.vec3, front: bool, wis: wp.array(dtype=wp.vec3), weights: wp.array(dtype=wp.vec3)
+):
+    i = wp.tid()
+    key = rng.RngKey()
+    key.sample = wp.uint32(i)
+    u = rng.uniform4(key, 0)
+    s = sample_interface(material, wo, front, u[3], u)
+    wis[i] = s.wi
+    weights[i] = s.weight
+
+
+def direction(cosine: float) -> FloatArray:
+    return np.array([np.sqrt(1.0 - cosine**2), 0.0, cosine])
+
+
+def drawn(material: Material, cosine: float, front: bool) -> tuple[FloatArray, FloatArray]:
+    """Directions, zero where there is none, and weights, shape (COUNT, 3) each."""
+    wis, weights = (wp.zeros(COUNT, dtype=wp.vec3, device="cpu") for _ in range(2))
+    view = material_view(material, False, -1)
+    wp.launch(draw, COUNT, [view, wp.vec3(*direction(cosine)), front, wis, weights], device="cpu")
+    return wis.numpy(), weights.numpy()
+
+
+def fresnel(c: FloatArray, eta: float) -> FloatArray:
+    """Walter et al. (2007), equation 22."""
+    g2 = eta**2 - 1.0 + c**2
+    g = np.sqrt(np.maximum(g2, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        f = 0.5 * ((g - c) / (g + c)) ** 2 * (1.0 + ((c * (g + c) - 1.0) / (c * (g - c) + 1.0)) ** 2)
+    return np.where(g2 > 0.0, f, 1.0)
+
+
+def facets(h: FloatArray, alpha: float) -> FloatArray:
+    """D of equation 33."""
+    c2 = h[:, 2] ** 2
+    tan2 = (1.0 - c2) / np.maximum(c2, 1e-12)
+    return alpha**2 / (np.pi * c2**2 * (alpha**2 + tan2) ** 2)
+
+
+def seen(w: FloatArray, alpha: float) -> FloatArray:
+    """G1 of equation 34."""
+    c2 = w[:, 2] ** 2
+    return 2.0 / (1.0 + np.sqrt(1.0 + alpha**2 * (1.0 - c2) / np.maximum(c2, 1e-12)))
+
+
+def density(wi: NDArray[Any], wo: FloatArray, alpha: float, eta: float) -> FloatArray:
+    """Of visible facets (D G1(wo) (wo . h) / cos) times Fresnel's choice times equations 14 and 17."""
+    wi = np.asarray(wi, np.float64)
+    up = wi[:, 2] > 0.0
+    h = np.where(up[:, None], wi + wo, -(eta * wi + wo))
+    h /= np.maximum(np.linalg.norm(h, axis=1, keepdims=True), 1e-12)
+    h *= np.sign(h[:, 2:])
+    o, i = h @ wo, (h * wi).sum(axis=1)
+    sides = (o > 0.0) & np.where(up, i > 0.0, i < 0.0)
+    visible = facets(h, alpha) * seen(wo[None], alpha) * np.maximum(o, 0.0) / wo[2]
+    refracts = eta**2 * np.abs(i) / np.maximum((o + eta * i) ** 2, 1e-12)
+    jacobian = np.where(up, 1.0 / np.maximum(4.0 * o, 1e-12), refracts)
+    f = fresnel(np.maximum(o, 0.0), eta)
+    return np.where(sides, visible * np.where(up, f, 1.0 - f) * jacobian, 0.0)
+
+
+@pytest.mark.parametrize("cosine", COSINES)
+@pytest.mark.parametrize(("roughness", "ior", "front"), CASES)
+def test_directions_have_walters_density(roughness: float, ior: float, front: bool, cosine: float) -> None:
+    wis, weights = drawn(Material(transmission=1.0, roughness=roughness, ior=ior), cosine, front)
+    eta = ior if front else 1.0 / ior
+    there = np.linalg.norm(wis, axis=1) > 0.0
+    fit, _ = fit_directions(
+        wis[there],
+        lambda w: density(w, direction(cosine), roughness**2, eta).astype(np.float32),
+        GRID,
+        missing=int((~there).sum()),
+    )
+    assert fit.p_value > SIGNIFICANCE
+    assert detectable_imbalance(COUNT, fit.dof, SIGNIFICANCE) < 0.03
+    # The BSDF times the cosine over the density is G1(wi), and (1 / eta)^2 of the radiance comes out.
+    expected = seen(wis[there].astype(np.float64), roughness**2) * np.where(wis[there][:, 2] > 0.0, 1.0, 1.0 / eta**2)
+    np.testing.assert_allclose(weights[there][:, 0], expected, rtol=2e-4, atol=1e-5)
+
+
+def still_life() -> Scene:
+    """A room with a glass ball's stand-in (a block), a rough pane and a thin box, under a lamp and a faint sky."""
+    walls = scenes.box_faces((-1, 0, -1), (1, 2, 1), inward=True)
+    faces = [(face, m) for face, m in zip(walls, [0, 0, 1, 1, 0, -1], strict=True) if m >= 0]
+    for low, high, m in (
+        ((-0.7, 0.1, -0.5), (-0.2, 0.6, 0.0), 2),
+        ((0.0, 0.1, -0.4), (0.7, 0.9, -0.36), 3),
+        ((0.1, 0.1, 0.1), (0.5, 0.5, 0.4), 4),
+    ):
+        faces += [(face, m) for face in scenes.box_faces(low, high, inward=False)]
+    clear = Material(transmission=1.0, roughness=0.0)
+    materials = [
+        scenes.WHITE,
+        scenes.RED,
+        replace(clear, path="/ball", transmission_color=(0.5, 0.8, 0.9), transmission_depth=1.0),
+        Material(path="/pane", transmission=0.9, roughness=0.4, diffuse_color=(0.2, 0.6, 0.3)),
+        replace(clear, path="/bottle", thin_walled=True, transmission_color=(0.9, 0.7, 0.6)),
+    ]
+    lamp = RectLight(
+        "/lamp", np.array([0.0, 1.95, 0.0]), np.array([0.5, 0, 0]), np.array([0.0, 0.0, -0.5]), 4.0 * np.ones(3)
+    )
+    sky = DomeLight("/sky", np.eye(3), 0.5 * np.ones(3))
+    view = scenes.camera((0, 1, 0.95), (0, 0.6, -1), half_width=0.8)
+    return scenes.scene(scenes.quads(faces), materials, [lamp, sky], view, pixels=18)
+
+
+WAYS: dict[str, dict[str, Any]] = {
+    "nee": {"method": "nee"},
+    "balance": {"method": "balance"},
+    "whole": {"method": "balance", "strategies": ("bsdf", "light", "uniform")},
+    "murray20": {"method": "murray20", "learn_rounds": 2, "learn_spp": 64},
+    "guided": {"method": "guided"},
+}
+PAIRS = list(combinations(WAYS, 2))
+SEEDS = 12
+
+
+@cache
+def pictures(way: str) -> FloatArray:
+    scene = still_life()
+    return np.array([block_means(warpmis.render(scene, spp=256, seed=k, **WAYS[way]).image) for k in range(SEEDS)])
+
+
+@pytest.mark.parametrize(("a", "b"), PAIRS)
+def test_all_methods_make_the_same_picture_of_glass(a: str, b: str) -> None:
+    level = sidak(0.01, len(PAIRS) * REGIONS)
+    assert paired_p_values(pictures(a), pictures(b)).min() > level
+    assert caught_bias(pictures(a), pictures(b), level) < 0.03
