@@ -154,6 +154,8 @@ def bsdf(material: Material) -> dict[str, Any]:
     """The material's reflection, if Mitsuba has it exactly."""
     if material.lambertian:
         return {"type": "twosided", "reflectance": {"type": "diffuse", "reflectance": color(material.diffuse_color)}}
+    if material.transmission > 0.0:
+        return interface(material)
     if material.opacity < 1.0 or material.clearcoat > 0.0:
         raise NoCounterpartError(material.path, "opacity below 1, or clearcoat")
     if material.use_specular_workflow and max(material.diffuse_color) == 0.0:
@@ -166,6 +168,18 @@ def bsdf(material: Material) -> dict[str, Any]:
         raise NoCounterpartError(material.path, f"roughness {material.roughness:g} is below {MIN_ROUGHNESS}")
     metal = {"type": "principled", "base_color": color(base), "metallic": 1.0, "roughness": material.roughness}
     return {"type": "twosided", "coat": metal}
+
+
+def interface(material: Material) -> dict[str, Any]:
+    """A dielectric that is nothing else."""
+    if material.transmission < 1.0 or material.opacity < 1.0 or material.transmission_depth > 0.0:
+        raise NoCounterpartError(material.path, "glass that is partly something else, or absorbs")
+    tint = {"int_ior": material.ior, "ext_ior": 1.0, "specular_transmittance": color(material.transmission_color)}
+    if material.roughness == 0.0:
+        return {"type": "thindielectric" if material.thin_walled else "dielectric", **tint}
+    if material.thin_walled or material.roughness < MIN_ROUGHNESS:
+        raise NoCounterpartError(material.path, "a rough pane, or glass that is nearly smooth")
+    return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.roughness**2, **tint}
 
 
 def light(item: Light) -> dict[str, Any]:
