@@ -94,6 +94,39 @@ def test_a_file_in_the_way(loaded: dict[str, Any], capsys: pytest.CaptureFixture
     assert "out: cannot be made a folder" in capsys.readouterr().err
 
 
+class Interrupting(FakeRender):
+    """Ctrl-C at one of the renders."""
+
+    at = 0
+
+    def __call__(self, scene: Any, **options: Any) -> warpmis.RenderResult:
+        if self.calls == self.at:
+            raise KeyboardInterrupt
+        return super().__call__(scene, **options)
+
+
+def test_interrupted_it_writes_what_it_has(
+    loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From the baseline's and another method's first run of every budget on; the report says what is missing."""
+    told = set()
+    for at in range(40):
+        render = Interrupting()
+        render.at = at
+        monkeypatch.setitem(vars(warpmis), "render", render)
+        status = main(f"compare box.usda -o out{at} --spp 16 --repeats 2 --method nee".split())
+        captured = capsys.readouterr()
+        if status == 0:
+            break
+        assert status == 130 and captured.err.splitlines()[-1] == "warpmis: error: interrupted"
+        report = Path(f"out{at}/report.json")
+        if report.exists():
+            summary = json.loads(report.read_text())
+            told.add((len(summary["methods"]), summary["repeats"], sum("interrupt" in w for w in summary["warnings"])))
+            assert Path(f"out{at}/report.html").is_file()
+    assert told == {(1, 1, 3), (2, 1, 2), (2, 2, 2), (2, 1, 1)}, "methods, repetitions, lines about the interrupt"
+
+
 def test_progress_on_a_terminal_alone(loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

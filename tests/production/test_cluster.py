@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -71,18 +72,18 @@ def test_the_bits_of_one_machine(farm: Farm, settings: dict[str, Any]) -> None:
 
 
 def pids(farm: Farm) -> list[int]:
+    """Of the workers' processes; one that is being started anew is waited for."""
+    farm.client.wait_for_workers(2, timeout=60)
     return list(farm.client.run(os.getpid).values())
 
 
-def killing(farm: Farm, moments: dict[float, int]) -> Any:
-    """A progress function that kills a worker's process as the share of the samples passes each of some moments."""
-    left = dict(moments)
+def killing(farm: Farm, moments: list[float]) -> Any:
+    """A progress function that kills one worker's process after the other as the samples pass shares of all."""
+    left = dict(zip(moments, pids(farm), strict=False))
 
     def show(progress: warpmis.Progress) -> None:
         for moment in [one for one in left if progress.total and progress.done >= one * progress.total]:
-            worker = left.pop(moment)
-            found = pids(farm)
-            os.kill(found[worker % len(found)], signal.SIGKILL)
+            os.kill(left.pop(moment), signal.SIGKILL)
 
     return show
 
@@ -92,7 +93,7 @@ def test_a_worker_that_is_killed_costs_a_line(farm: Farm, said: list[str]) -> No
     expected = warpmis.render(scenes.room(SIZE), **settings)
     said.clear()
     reports: list[warpmis.Progress] = []
-    kill = killing(farm, {0.2: 0})
+    kill = killing(farm, [0.2])
 
     def show(progress: warpmis.Progress) -> None:
         reports.append(progress)
@@ -110,8 +111,7 @@ def test_a_worker_that_is_killed_costs_a_line(farm: Farm, said: list[str]) -> No
 @pytest.mark.parametrize("run", range(10))
 def test_every_worker_killed_once_at_random(farm: Farm, run: int) -> None:
     settings: dict[str, Any] = {"method": "guided" if run % 2 else "auto", "max_depth": 3, "spp": 256}
-    moments = np.random.default_rng(run).uniform(0.0, 0.9, size=2)
-    kill = killing(farm, {float(moment): worker for worker, moment in enumerate(moments)})
+    kill = killing(farm, np.random.default_rng(run).uniform(0.0, 0.9, size=2).tolist())
     found = warpmis.render(scenes.room(SIZE), cluster=farm, progress=kill, **settings)
     assert_same(found, warpmis.render(scenes.room(SIZE), **settings))
 
@@ -170,6 +170,45 @@ def test_frames_are_tasks_and_leave_no_process(tmp_path: Path, monkeypatch: pyte
     while any(is_alive(pid) for pid in started):
         assert time.monotonic() < until, "a worker outlives the command"
         time.sleep(0.1)
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_the_command(tmp_path: Path, ending: signal.Signals) -> None:
+    """Ctrl-C reaches all processes of a terminal; of the others the workers learn by their parent's end."""
+    out, preview = tmp_path / "a.exr", tmp_path / "look.png"
+    line = [sys.executable, "-m", "warpmis", "render", str(STAGE), str(out), "--image-width", "32", "--method", "nee"]
+    line += ["--spp", "1000000", "--cluster", "local:2", "--preview", str(preview)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(warpmis.__file__).parent.parent)}
+    process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
+    until = time.monotonic() + 120.0
+    while not preview.exists():
+        assert time.monotonic() < until and process.poll() is None
+        time.sleep(0.1)
+    children = children_of(process.pid)
+    assert len(children) >= 2
+    if ending == signal.SIGINT:
+        os.killpg(process.pid, ending)
+    else:
+        process.send_signal(ending)
+    _, said = process.communicate(timeout=60)
+    until = time.monotonic() + 30.0
+    while any(is_alive(pid) for pid in children):
+        assert time.monotonic() < until, "a process outlives the command"
+        time.sleep(0.1)
+    assert "Traceback" not in said
+    if ending != signal.SIGKILL:
+        assert said.splitlines()[-1].startswith("warpmis: error: interrupted")
+        assert read_exr(out)[0]["samples.Y"].min() > 0.0
+
+
+def children_of(pid: int) -> list[int]:
+    """All processes that a process has started, and those that these have."""
+    listing = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
+    pairs = [tuple(map(int, line.split())) for line in listing.splitlines()]
+    found = [pid]
+    for parent in found:
+        found += [child for child, its_parent in pairs if its_parent == parent]
+    return found[1:]
 
 
 def is_alive(pid: int) -> bool:

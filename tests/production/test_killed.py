@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,31 @@ def test_told_to_end_it_writes_a_whole_picture_and_a_checkpoint(
     assert channels["samples.Y"].min() > 0.0
     assert header["interrupted"].startswith("after ")
     assert checkpoint.exists()
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of half a megabyte."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(folder)], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("a file system can be mounted by its administrator alone")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_disk_that_fills_costs_the_checkpoint_alone(tiny_disk: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.exr"
+    options = [str(out), "--image-width", "96", "--max-depth", "3", "--method", "nee", "--spp", "64"]
+    process = command(*options, "--checkpoint", str(tiny_disk / "a.ckpt"), "--checkpoint-interval", "0.01")
+    _, said = process.communicate()
+    assert process.returncode == 0, said
+    assert said.count("warning: ") == 1 and "No space left on device; the render goes on" in said
+    assert list(tiny_disk.iterdir()) == []
+    assert (read_exr(out)[0]["samples.Y"] == 64.0).all()
 
 
 def wait_for(path: Path) -> None:

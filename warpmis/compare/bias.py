@@ -25,7 +25,8 @@ class Bias:
 
     Attributes:
         squared: relMSE that is bias for sure, 0 if none is seen.
-        limit: relMSE that a smooth bias could have without being seen; None if the reference's noise is unknown.
+        limit: relMSE that a smooth bias could have without being seen; None if the reference's noise is unknown, or
+            one repetition alone.
     """
 
     squared: float
@@ -34,7 +35,7 @@ class Bias:
 
 def bias_of(pictures: Pictures, reference: Reference) -> Bias:
     """The bias that repetitions of one run show, in pixels or in blocks of them, whichever shows more."""
-    if reference.squared_standard_error is None:
+    if reference.squared_standard_error is None or pictures.count < 2:  # of an interrupted comparison
         return Bias(0.0, None)
     found, limits = [0.0], []
     for side in BLOCKS:
