@@ -1,7 +1,6 @@
-"""Frames of a film in which the shares of a scene's pixels converge, from three starts side by side:
+"""A film in which the shares of a scene's pixels converge, from three starts side by side:
 
-    python scripts/figures/convergence.py OUT [--scene cornell_box] [--height 240] [--rounds 24] [--learn-spp 32]
-    ffmpeg -framerate 6 -i OUT/frame_%04d.png -pix_fmt yuv420p convergence.mp4
+    python scripts/figures/convergence.py OUT.gif [--scene cornell_box] [--height 240] [--rounds 24] [--learn-spp 32]
 
 The starts give the BSDF 0.1, 0.5 and 0.9 of all samples (blue to red); frame 0 is before the first round. All three go
 the same way in the end, as in the video of Murray et al. (2020). Below each frame is the legend: all light to all BSDF.
@@ -13,15 +12,16 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 
 import warpmis
 from warpmis.output.balance_map import balance_map
 from warpmis.output.legend import with_legend
-from warpmis.output.png import write_display_png
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 STARTS = (0.1, 0.5, 0.9)
 GAP = 6
+FRAMES_PER_SECOND = 4.0
 
 
 def maps(scene: warpmis.Scene, start: float, rounds: int, learn_spp: int, width: int) -> list[np.ndarray]:
@@ -40,6 +40,19 @@ def maps(scene: warpmis.Scene, start: float, rounds: int, learn_spp: int, width:
     return [first, *result.round_allocations]
 
 
+def write_gif(path: Path, frames: list[np.ndarray]) -> None:
+    """An animation of frames, shape (H, W, 3) uint8 each."""
+    output = oiio.ImageOutput.create(str(path))
+    spec = oiio.ImageSpec(frames[0].shape[1], frames[0].shape[0], 3, "uint8")
+    spec.attribute("oiio:Movie", 1)
+    spec.attribute("FramesPerSecond", FRAMES_PER_SECOND)
+    for number, frame in enumerate(frames):
+        mode = "AppendSubimage" if number else "Create"
+        if not (output.open(str(path), spec, mode) and output.write_image(np.ascontiguousarray(frame))):
+            raise SystemExit(f"{path}: {output.geterror()}")
+    output.close()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
@@ -51,11 +64,11 @@ def main() -> None:
     scene = warpmis.load_stage(USD_SCENES / arguments.scene / "scene.usda")
     width = round(arguments.height * scene.resolution[0] / scene.resolution[1])
     films = [maps(scene, start, arguments.rounds, arguments.learn_spp, width) for start in STARTS]
-    for number, shares in enumerate(zip(*films, strict=True)):
+    frames = []
+    for shares in zip(*films, strict=True):
         pictures = [np.pad(balance_map(one, ("bsdf", "light")), ((0, 0), (0, GAP), (0, 0))) for one in shares]
-        frame = with_legend(np.concatenate(pictures, axis=1)[:, :-GAP], ("light", "bsdf"))
-        even = frame[: len(frame) // 2 * 2, : frame.shape[1] // 2 * 2]  # as video wants it
-        write_display_png(arguments.out / f"frame_{number:04}.png", even)
+        frames.append(with_legend(np.concatenate(pictures, axis=1)[:, :-GAP], ("light", "bsdf")))
+    write_gif(arguments.out, frames)
 
 
 if __name__ == "__main__":

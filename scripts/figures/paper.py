@@ -3,6 +3,7 @@
     python scripts/figures/paper.py OUT [--figure 1 ...] [--height 120] [--spp 1280] [--learn-spp 64]
 
 The paper has 32768 samples per pixel, 256 of them in each learn round (512 in figure 1): --spp 32768 --learn-spp 256.
+Like there, samples are independent of each other, and the strategy of each is drawn at random.
 A row is a scene. In figure 1 each picture has its allocation in the corner. In the others the first column is the
 picture, and each further one a method's allocation above its efficiency, pixel by pixel: violet where it beats equal
 shares, orange where it loses (full colour at factors of 8). OUT/figures.md has the efficiencies of whole pictures.
@@ -104,7 +105,7 @@ def row(number: int, name: str, arguments: argparse.Namespace) -> tuple[NDArray[
     figure = FIGURES[number]
     scene = warpmis.load_stage(USD_SCENES / name / "scene.usda")
     width = round(arguments.height * scene.resolution[0] / scene.resolution[1])
-    settings = {"width": width, "spp": arguments.spp}
+    settings = {"width": width, "spp": arguments.spp, "sampler": "independent", "strategy_choice": "random"}
     strategies = dict.fromkeys(column.strategies for column in figure.columns)
     equal = {some: timed(scene, method="balance", strategies=some, **settings) for some in strategies}
     image = equal[TWO].result.image
