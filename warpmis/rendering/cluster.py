@@ -29,8 +29,8 @@ from warpmis.rendering.run import Run
 TASK_SECONDS = 3.0
 # Tasks at a worker or on their way to it.
 IN_FLIGHT = 2
-# The first pass takes this part of a piece's samples, so that the picture is whole early; the second one the rest.
-FIRST_PASS = 1 / 16
+# Few passes, since each sends the sums to and fro: of so many samples, so many times as many, and so on.
+FIRST_PASS, GROWTH, PASS_SECONDS = 16, 8, 60.0
 # So often a task may be lost with its worker.
 MOST_LOSSES = 20
 TICK = 0.5
@@ -96,7 +96,7 @@ class Farm:
         shared = self.submit(cluster_worker.same, job)
         picture = Picture(self, run, shared)
         run.integrator.remote = picture.trace
-        run.first_pass = FIRST_PASS
+        run.first_pass, run.growth, run.pass_seconds = FIRST_PASS, GROWTH, PASS_SECONDS
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Any:
         with warnings.catch_warnings():
@@ -150,6 +150,7 @@ class Picture:
                         continue
                     put(integrator, part, rows, found)
                     advance(found.samples)
+                    self.run.between(part.is_kept)
         finally:
             farm.client.cancel(list(pending))
         seconds = self.run.reporter.tracing_seconds() - begun

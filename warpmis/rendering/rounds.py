@@ -143,26 +143,21 @@ def trace_piece(part: Round, piece: range, run: Run, advance: Callable[[int], No
     """Trace a piece of a round by passes over the whole picture, so that it is whole at any time but in the first."""
     for samples in passes(run, piece, in_one=not part.is_kept):
         run.integrator.trace(part, advance, piece, samples)
-        for call in run.after_pass:
-            call(run)
-        if run.reporter.preview is not None and part.is_kept:
-            run.reporter.preview.offer(run.image)
+        run.between(part.is_kept)
 
 
 def passes(run: Run, piece: range, *, in_one: bool) -> Iterator[range]:
-    """The samples of each pass: as many as all before it in the piece, until one takes Run.pass_seconds; or two passes.
+    """The samples of each pass: some times as many as of the one before, until one takes Run.pass_seconds.
 
     in_one: all at once, where nobody looks at the picture.
     """
     if run.integrator.passing:
         yield run.integrator.passing
-    start, count = max(piece.start, run.integrator.next_sample), 1
-    if run.first_pass is not None:
-        count = max(1, int(run.first_pass * len(piece))) if start == piece.start else len(piece)
+    start, count = max(piece.start, run.integrator.next_sample), run.first_pass
     while start < piece.stop:
         samples = piece[start - piece.start :] if in_one else piece[start - piece.start :][:count]
         begun = time.perf_counter()
         yield samples
         start = samples.stop
         pace = run.pass_seconds / max(time.perf_counter() - begun, 1e-6)
-        count = max(1, min(2 * count, int(count * pace))) if run.first_pass is None else len(piece)
+        count = max(1, min(run.growth * count, int(count * pace)))

@@ -29,9 +29,9 @@ class Run:
 
     Attributes:
         round_allocations: the allocation after each learn round so far, if they are to be kept.
-        after_pass: called whenever a pass over the picture is through.
+        after_pass: called whenever a pass over the picture is through, and on a cluster more often.
         pass_seconds: about how long a pass takes once the first ones are through [s].
-        first_pass: part of a piece's samples that the first of two passes takes; None for passes by pass_seconds.
+        first_pass, growth: samples of a piece's first pass, and how many times as many the next one takes at most.
         round: the present round's number, from 0 on.
         saved: the state that this run goes on from, until it has come to the round where that was taken.
     """
@@ -44,9 +44,17 @@ class Run:
     round_allocations: list[NDArray[np.float32]] = field(default_factory=list)
     after_pass: list[Callable[[Run], None]] = field(default_factory=list)
     pass_seconds: float = PASS_SECONDS
-    first_pass: float | None = None
+    first_pass: int = 1
+    growth: int = 2
     round: int = 0
     saved: dict[str, Any] | None = None
+
+    def between(self, is_kept: bool) -> None:
+        """What is to be done now and then, while no launch is under way; is_kept: the picture holds the samples."""
+        for call in self.after_pass:
+            call(self)
+        if self.reporter.preview is not None and is_kept:
+            self.reporter.preview.offer(self.image)
 
     def state(self) -> dict[str, Any]:
         """Arrays and plain values, from which another process goes on to the same bits."""
