@@ -12,6 +12,7 @@ from warpmis.scene import Material
 from warpmis.scene.texture import PrimvarLookup
 from warpmis.usd.color_space import inherited_space
 from warpmis.usd.materials.materialx import MaterialXNetwork, is_materialx, read_materialx
+from warpmis.usd.materials.mdl import is_mdl, mdl_name, read_mdl
 from warpmis.usd.materials.preview_surface import clamped, read_preview_surface
 from warpmis.usd.materials.shading_network import ShadingNetwork
 from warpmis.usd.materials.subsets import claim, material_subsets
@@ -156,9 +157,10 @@ class MaterialReader:
             prim = prim.GetParent()
 
     def _read(self, material: Any) -> BoundMaterial | None:
-        """A UsdPreviewSurface, or else MaterialX; None, with a warning, for a material of another shader."""
+        """A UsdPreviewSurface, or else MaterialX or MDL; None, with a warning, for a material of another shader."""
         path = material.GetPath()
-        shader = material.ComputeSurfaceSource()[0] or material.ComputeSurfaceSource("mtlx")[0]
+        contexts = (material.ComputeSurfaceSource(context)[0] for context in ("", "mtlx", "mdl"))
+        shader = next(filter(None, contexts), None)
         if not shader:
             self.reading.warn(path, "it has no UsdPreviewSurface; displayColor is used")
             return None
@@ -169,7 +171,10 @@ class MaterialReader:
         if is_materialx(kind):
             nodes = MaterialXNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_materialx(shader, nodes), nodes.columns)
-        self.reading.warn(path, f"its surface shader {kind} is not supported; displayColor is used")
+        if is_mdl(name := mdl_name(shader)):
+            network = ShadingNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_mdl(shader, name, network), network.columns)
+        self.reading.warn(path, f"its surface shader {name or kind} is not supported; displayColor is used")
         return None
 
 
