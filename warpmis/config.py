@@ -10,6 +10,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from warpmis.aovs import checked_aovs
 from warpmis.errors import ConfigError
 from warpmis.methods import METHODS, Method
 from warpmis.whole_numbers import checked_integer
@@ -63,6 +64,8 @@ class SettingsDict(TypedDict, total=False):
     max_depth: int
     seed: int
     ids: bool
+    aov: list[str]
+    cryptomatte: bool
     target_error: float | None
     time_limit: float | None
     device: str
@@ -128,6 +131,8 @@ class RenderConfig:
             vertex; "random" chooses anew for each sample.
         sampler: "lattice" uses evenly spread numbers up to the first vertex; "independent" uses independent ones.
         ids: also find the prim, the instance and the face that the middle of each pixel sees.
+        aov: further pictures, by the names of aovs.NAMES or as NAME=EXPRESSION, a light path expression.
+        cryptomatte: also find which prims and materials each pixel shows, and how much of each.
         mis_compensation: sample a dome's picture only where it exceeds its mean; BSDF sampling finds the rest.
         learn: settings of the methods that learn.
     """
@@ -143,6 +148,8 @@ class RenderConfig:
     max_depth: int = 8
     seed: int = 0
     ids: bool = False
+    aov: tuple[str, ...] = ()
+    cryptomatte: bool = False
     target_error: float | None = None
     time_limit: float | None = None
     device: str = "cpu"
@@ -162,6 +169,7 @@ class RenderConfig:
             raise ConfigError(f"unknown device '{self.device}'; choose cpu, cuda or cuda:0")
         object.__setattr__(self, "strategies", _checked_strategies(self.strategies, self.method))
         object.__setattr__(self, "allocation", self._checked_allocation())
+        object.__setattr__(self, "aov", checked_aovs(self.aov))
         if self.strategy_choice not in STRATEGY_CHOICES:
             choices = ", ".join(STRATEGY_CHOICES)
             raise ConfigError(f"unknown strategy choice '{self.strategy_choice}'; choose one of {choices}")
@@ -233,6 +241,8 @@ class RenderConfig:
             "max_depth": self.max_depth,
             "seed": self.seed,
             "ids": bool(self.ids),
+            "aov": list(self.aov),
+            "cryptomatte": bool(self.cryptomatte),
             "target_error": self.target_error,
             "time_limit": self.time_limit,
             "device": self.device,
@@ -259,7 +269,7 @@ class RenderConfig:
         for name in ("method", "device", "strategy_choice", "sampler"):
             if not isinstance(getattr(self, name), str):
                 raise ConfigError(f"{name.replace('_', ' ')} must be a name as text, got {getattr(self, name)!r}")
-        for name in ("ids", "mis_compensation"):
+        for name in ("ids", "cryptomatte", "mis_compensation"):
             _check_boolean(name, getattr(self, name))
         if not isinstance(self.learn, LearnConfig):
             raise ConfigError(f"learn must be a LearnConfig, got {self.learn!r}")

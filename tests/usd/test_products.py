@@ -78,6 +78,11 @@ def test_a_stage_names_files_but_not_folders(name: str, file: str) -> None:
         (var("cover", "alpha"), {"cover": "A"}),
         (var("depth"), {"Z": "Z"}),
         (var("N"), {"N.X": "N.X", "N.Y": "N.Y", "N.Z": "N.Z"}),
+        (var("sheen", "specular_direct"), {f"sheen.{c}": f"direct_specular.{c}" for c in "RGB"}),
+        (var("emission"), {f"emission.{c}": f"emission.{c}" for c in "RGB"}),
+        (var("rd", "lpe:C<RD>[<L.>O]"), {f"rd.{c}": f"var.rd.{c}" for c in "RGB"}),
+        (var("all", "lpe:C[DS]*[<L.>O]"), {"all.R": "R", "all.G": "G", "all.B": "B"}),
+        (var("st", extra='uniform token sourceType = "primvar"'), {"st.U": "uv.U", "st.V": "uv.V"}),
         (var("paint", "albedo"), {"paint.R": "albedo.R", "paint.G": "albedo.G", "paint.B": "albedo.B"}),
     ],
 )
@@ -86,6 +91,16 @@ def test_variables_are_channels(variable: str, channels: dict[str, str]) -> None
     found = only(variable, product("P", "", name))
     assert found.channels == channels
     assert not found.warnings
+
+
+def test_variables_ask_the_render_for_aovs() -> None:
+    lpe = 'uniform token sourceType = "lpe"'
+    found = only(
+        var("key", "C.*<L.'key'>", lpe), var("uv"), var("caustics", "CDS+L", lpe), var("coat", "C<RS'coat'>L", lpe),
+        product("P", "", "key uv caustics coat"),
+    )  # fmt: skip
+    assert found.aovs == ("var.key=C.*<L.'key'>", "uv")
+    assert [line.split(":")[0] for line in found.warnings] == ["/Render/caustics", "/Render/coat"]
 
 
 def test_what_is_not_supported_is_a_warning_and_the_rest_is_written() -> None:

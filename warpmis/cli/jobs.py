@@ -23,6 +23,7 @@ class Job:
         label: what to call it while it is rendered.
         channels: of the EXR, as RenderResult.write takes them.
         warnings: what of it is not supported.
+        aovs: what its variables ask of the render, beside --aov.
     """
 
     targets: dict[str, str]
@@ -30,6 +31,7 @@ class Job:
     label: str = ""
     channels: dict[str, str] | None = None
     warnings: tuple[str, ...] = ()
+    aovs: tuple[str, ...] = ()
 
 
 def jobs_of(arguments: argparse.Namespace, stage_options: Mapping[str, Any]) -> list[Job]:
@@ -97,7 +99,14 @@ def _product_jobs(arguments: argparse.Namespace, stage_options: Mapping[str, Any
             if frame is not None and PLACEHOLDER.search(product.file):
                 (path,) = numbered(path, [frame])
             label = product.path if frame is None else f"{product.path} frame {frame:g}"
-            yield Job({"output": path}, {**at, "product": product.path}, label, product.channels, product.warnings)
+            yield Job(
+                {"output": path},
+                {**at, "product": product.path},
+                label,
+                product.channels,
+                product.warnings,
+                product.aovs,
+            )
 
 
 def _check_distinct(jobs: list[Job]) -> None:

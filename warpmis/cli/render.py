@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import warpmis
+from warpmis.aovs import NAMES
 from warpmis.cli.console import error_text, plain, progress_bar, say, speed_text, start_warp
+from warpmis.cli.display import add_display_options, check_display, write_shown
 from warpmis.cli.explain import explain
 from warpmis.cli.frame_ranges import frame_list
 from warpmis.cli.jobs import Job, jobs_of
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from warpmis.rendering.render import Uploads
     from warpmis.scene.features import Features
 
-COLOR_CORRECTIONS = ("disabled", "sRGB")
 FEATURES = ("scene", "all")
 
 
@@ -150,6 +151,13 @@ def add_kernel_options(group: Any) -> None:
     group.add_argument("--device", metavar="NAME", help=f"cpu or cuda:0 (default: {default.device})")
     group.add_argument("--ids", action="store_true", default=None, help="also write primId, instanceId and elementId")
     group.add_argument(
+        "--aov", type=name_list, metavar="NAME,...",
+        help=f"also write these pictures: {', '.join(NAMES)}, or NAME=EXPRESSION by a light path expression",
+    )  # fmt: skip
+    group.add_argument(
+        "--cryptomatte", action="store_true", default=None, help="also write Cryptomatte layers of prims and materials"
+    )
+    group.add_argument(
         "--features", choices=FEATURES, default=FEATURES[0],
         help="effects to compile: those of the scene, or all, which is slower and only for comparison (default: scene)",
     )  # fmt: skip
@@ -157,7 +165,7 @@ def add_kernel_options(group: Any) -> None:
 
 def kernel_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """What `add_kernel_options` asked for, but the features, as RenderConfig names it."""
-    names = ("method", "strategies", "strategy_choice", "sampler", "max_depth", "device", "ids")
+    names = ("method", "strategies", "strategy_choice", "sampler", "max_depth", "device", "ids", "aov", "cryptomatte")
     return given(**{name: getattr(arguments, name) for name in names})
 
 
@@ -185,10 +193,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
         "--products", metavar="DIR",
         help="write every RenderProduct of the RenderSettings into this folder, by its productName, instead of OUT",
     )  # fmt: skip
-    group.add_argument(
-        "--color-correction-mode", "--colorCorrectionMode", "-color", choices=COLOR_CORRECTIONS, default="sRGB",
-        help="encoding of --png: sRGB, or disabled for linear values (default: %(default)s)",
-    )  # fmt: skip
+    add_display_options(group)
     group.add_argument("--balance-map", metavar="FILE.png", help="also write which strategy gets the samples")
     group.add_argument("--round-maps", metavar="DIR", help="also write the allocation after each learn round")
     group.add_argument(
@@ -230,6 +235,7 @@ def _config(arguments: argparse.Namespace) -> RenderConfig:
 
 def run(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
+    check_display(arguments)
     if arguments.balance_map or arguments.round_maps:
         _check_has_map(config)
     jobs = jobs_of(arguments, stage_options(arguments))
@@ -312,13 +318,14 @@ def _render(
 
 
 def config_of(job: Job, config: RenderConfig) -> RenderConfig:
-    """The settings of one picture: ids are found where a product asks for them."""
-    return dataclasses.replace(config, ids=config.ids or bool(set(IDS) & set((job.channels or {}).values())))
+    """The settings of one picture: ids and AOVs are found where a product asks for them."""
+    ids = config.ids or bool(set(IDS) & set((job.channels or {}).values()))
+    return dataclasses.replace(config, ids=ids, aov=tuple(dict.fromkeys((*config.aov, *job.aovs))))
 
 
 def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said: set[str]) -> dict[str, Any]:
     """Write a picture's files, say what has not been `said` of an earlier one, and return its part of --json."""
-    _write(result, job, srgb=arguments.color_correction_mode == "sRGB")
+    _write(result, job, arguments)
     warnings, notes = _distinct((*job.warnings, *result.warnings)), _distinct(result.notes)
     if not arguments.quiet:
         for line in (*(f"warning: {line}" for line in warnings), *(f"note: {line}" for line in notes)):
@@ -338,18 +345,21 @@ def _finish(result: RenderResult, job: Job, arguments: argparse.Namespace, said:
     }
 
 
-def _write(result: RenderResult, job: Job, *, srgb: bool) -> None:
+def _write(result: RenderResult, job: Job, arguments: argparse.Namespace) -> None:
     from warpmis.output.balance_map import balance_map, sample_shares
     from warpmis.output.legend import with_legend
-    from warpmis.output.png import write_display_png, write_png
+    from warpmis.output.png import write_display_png
 
     targets = job.targets
     if targets["output"].lower().endswith(".png"):  # a product's
-        write_png(targets["output"], result.shown, srgb=srgb)
+        write_shown(targets["output"], result.shown, arguments)
     else:
-        result.write(targets["output"], job.channels)
+        channels = job.channels
+        if channels is not None:
+            channels = channels | {name: name for name in result.aov_channels(arguments.aov or ())}
+        result.write(targets["output"], channels)
     if "png" in targets:
-        write_png(targets["png"], result.shown, srgb=srgb)
+        write_shown(targets["png"], result.shown, arguments)
     if "balance_map" in targets:
         shares = sample_shares(result.allocation, result.strategies, result.next_event)
         picture = balance_map(result.allocation, result.strategies, result.next_event)

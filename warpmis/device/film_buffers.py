@@ -9,8 +9,8 @@ from warpmis.device.views import FilmView
 from warpmis.film.film import Film
 
 
-def allocate_film(pixels: int, device: str) -> FilmView:
-    """A film with no samples in it."""
+def allocate_film(pixels: int, device: str, aov_rows: int = 0) -> FilmView:
+    """A film with no samples in it, and so many sums a pixel of light that is kept apart."""
     view = FilmView()
     view.color = wp.zeros(pixels, dtype=wp.vec3d, device=device)
     view.luminance = wp.zeros(pixels, dtype=wp.vec2d, device=device)
@@ -23,6 +23,7 @@ def allocate_film(pixels: int, device: str) -> FilmView:
     view.rejected = wp.zeros(pixels, dtype=wp.int32, device=device)
     view.rays = wp.zeros(pixels, dtype=wp.int64, device=device)
     view.shadow_rays = wp.zeros(pixels, dtype=wp.int64, device=device)
+    view.aovs = wp.zeros((pixels, aov_rows), dtype=wp.vec3d, device=device)
     return view
 
 
@@ -40,4 +41,5 @@ def download_film(view: FilmView, width: int, height: int) -> Film:
         normal=view.normal.numpy().reshape(height, width, 3),
         depth=view.depth.numpy().reshape(height, width),
         alpha=view.alpha.numpy().reshape(height, width),
+        aovs=view.aovs.numpy().reshape(height, width, view.aovs.shape[1], 3),
     )

@@ -54,6 +54,15 @@ class LightTables:
     brightest_point: float = 1.0
     prim_links: NDArray[np.uint32] | None = None
 
+    @property
+    def groups(self) -> tuple[str | None, ...]:
+        """Of each of the lights and then of the delta lights: the key of its group; None where a surface glows."""
+        keys: list[str | None] = [control.group for control in self.controls]
+        for row, glows in enumerate(self.mesh.glows, start=self.analytic):
+            if glows:
+                keys[row] = None
+        return tuple(keys)
+
 
 def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""

@@ -23,7 +23,7 @@ class MeshLights:
 
     Attributes:
         records: of views.LightView.
-        controls: what is asked of each light.
+        controls: what is asked of each light; glows: whether it is a surface that glows, and no light prim.
         triangles, corners: of each emitter, one light after the other, shape (t,) and (t, 3, 3).
         lights: of each emitter the row of its light in `records`, shape (t,).
         cdf: of each emitter the cumulative share of its light's area, shape (t,).
@@ -31,6 +31,7 @@ class MeshLights:
 
     records: Records
     controls: list[LightControl]
+    glows: list[bool]
     triangles: NDArray[np.int32]
     corners: FloatArray
     lights: NDArray[np.int64]
@@ -40,6 +41,7 @@ class MeshLights:
 NONE = MeshLights(
     records=blank(LightView, 0),
     controls=[],
+    glows=[],
     triangles=np.zeros(0, np.int32),
     corners=np.zeros((0, 3, 3)),
     lights=np.zeros(0, np.int64),
@@ -72,9 +74,9 @@ def mesh_lights(scene: Scene, geometry: Geometry) -> MeshLights:
     records["area"] = np.add.reduceat(areas, starts)
     records["first"], records["count"] = starts, np.diff(starts, append=len(order))
     records["two_sided"] = [prim.double_sided for prim in prims]
-    controls = [prim.control for prim in prims]
+    controls, glows = [prim.control for prim in prims], [not prim.is_light for prim in prims]
     cdf = shares_of_area(areas, starts, lights)
-    return MeshLights(records, controls, triangles.astype(np.int32), corners, lights, cdf)
+    return MeshLights(records, controls, glows, triangles.astype(np.int32), corners, lights, cdf)
 
 
 def bounding_balls(

@@ -43,12 +43,13 @@ from warpmis.scene.geometry import Geometry, bounds, joined
 @dataclass(frozen=True, eq=False)
 class DeviceScene:
     """A scene in a device's memory. `owned` keeps alive what the views point into; extent: the longest side of the box
-    of all triangles [scene units]."""
+    of all triangles [scene units]; light_groups: as LightTables.groups."""
 
     view: SceneView
     camera: CameraView
     owned: tuple[Any, ...]
     extent: float
+    light_groups: tuple[str | None, ...] = ()
 
 
 def check_device(device: str) -> None:
@@ -80,7 +81,7 @@ def upload(
         if ids:
             upload_ids(view, geometry)
         camera = camera_view(scene.camera, scene.resolution)
-    return DeviceScene(view, camera, (*solids.owned, *lights, varying), solids.extent)
+    return DeviceScene(view, camera, (*solids.owned, *lights, varying), solids.extent, tables.groups)
 
 
 @dataclass(frozen=True, eq=False)

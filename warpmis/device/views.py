@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from warpmis.device.aov_views import AovView
 from warpmis.device.cache_views import CacheView
 
 # Kinds of light. Each is a branch of the kernels that a scene without that kind does not compile.
@@ -332,9 +333,8 @@ class SceneView:
     per prim the bits of the lights that reach it. delta_lights: first the points, delta_point_count of them;
     delta_tree: over many points, whose weights are shares of delta_brightest. controls: one for each of `lights`, then
     one for each of `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there
-    are controls or ids are asked for; faces, copies: the same for ids;
-    varying, cache: one record each, in an array so that the scene stays small: device functions take it by value.
-    cache: none where no path asks for it.
+    are controls or ids are asked for; faces, copies: the same for ids; varying, cache, aov: one record each or none, in
+    an array so that the scene stays small: device functions take it by value.
     """
 
     mesh: wp.uint64
@@ -371,6 +371,7 @@ class SceneView:
     emitter_cdf: wp.array(dtype=float)
     dome: DomeView
     cache: wp.array(dtype=CacheView)
+    aov: wp.array(dtype=AovView)
 
 
 @wp.struct
@@ -432,7 +433,7 @@ class FilmView:
 
     color, albedo, normal: sums of linear RGB and of world normals; luminance: (mean, sum of squared deviations) over
     the accepted samples; depth: sum over the samples that hit a surface, hits: how many these are; alpha: samples that
-    hit a surface or a visible light; rejected: samples that were not finite.
+    hit a surface or a visible light; rejected: samples that were not finite. aovs: row_count sums a pixel.
     """
 
     color: wp.array(dtype=wp.vec3d)
@@ -446,3 +447,4 @@ class FilmView:
     rejected: wp.array(dtype=wp.int32)
     rays: wp.array(dtype=wp.int64)
     shadow_rays: wp.array(dtype=wp.int64)
+    aovs: wp.array2d(dtype=wp.vec3d)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ class Film:
         luminance_mean, luminance_m2: mean and sum of squared deviations of the luminance, shape (H, W).
         depth: sum over the samples that met a surface [scene units], alpha: number of samples that met a surface or a
             visible light, shape (H, W).
+        aovs: sums of light that is kept apart, shape (H, W, rows, 3), or of another height and width of 1 for no rows.
     """
 
     count: NDArray[np.int64]
@@ -41,6 +42,7 @@ class Film:
     normal: Float64Array
     depth: Float64Array
     alpha: Float64Array
+    aovs: Float64Array = field(default_factory=lambda: np.zeros((1, 1, 0, 3)))
 
     def merge(self, other: Film) -> Film:
         """Both films' samples as one film. Reference: Chan, Golub, LeVeque (1983), equation 2.1."""
@@ -58,6 +60,7 @@ class Film:
             normal=self.normal + other.normal,
             depth=self.depth + other.depth,
             alpha=self.alpha + other.alpha,
+            aovs=self.aovs + other.aovs,
         )
 
     def spread_out(self, stride: int, width: int, height: int) -> Film:
@@ -91,6 +94,10 @@ class Film:
     def coverage(self) -> NDArray[np.float32]:
         """Share of the samples that hit a surface or a visible light, shape (H, W)."""
         return self._mean(self.alpha, self.count)
+
+    def mean_aov(self, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Mean radiance of the light in some of the rows together, shape (H, W, 3)."""
+        return self._mean(self.aovs[:, :, rows].sum(axis=2), self.count)
 
     @staticmethod
     def _mean(sums: Float64Array, count: NDArray[Any]) -> NDArray[np.float32]:

@@ -22,11 +22,14 @@ class DirectLight:
     """Light that a vertex scatters from a light sample, and the shadow rays that it took.
 
     bsdf_share: the BSDF's density of its direction, over those of the BSDF and the lights together.
+    light: row among all lights, then the delta lights; diffuse: the diffuse lobe's share of the radiance, per colour.
     """
 
     radiance: wp.vec3
     rays: int
     bsdf_share: float
+    light: int
+    diffuse: wp.vec3
 
 
 @wp.struct
@@ -34,6 +37,7 @@ class ScatteredLight:
     """Light towards which a vertex has drawn, unoccluded.
 
     radiance: f cos L; pdf: the density with which the lights' sampler draws wi [1/sr]; pdf_bsdf: the BSDF's.
+    diffuse: the diffuse lobe's share of the radiance, per colour.
     """
 
     wi: wp.vec3
@@ -41,6 +45,7 @@ class ScatteredLight:
     pdf: float
     pdf_bsdf: float
     radiance: wp.vec3
+    diffuse: wp.vec3
 
 
 def make_direct_light(
@@ -67,6 +72,9 @@ def make_direct_light(
         if wp.static(features.absorption):
             direct.radiance = wp.cw_mul(direct.radiance, transmittance(r.absorption, s.distance))
         direct.rays = 1
+        direct.light = index
+        if wp.static(features.keeps_light_apart):
+            direct.diffuse = lights.control.diffuse_share(scene, index, scattering.diffuse)
         return direct
 
     @wp.func
@@ -91,6 +99,8 @@ def make_direct_light(
         scattered.radiance = wp.cw_mul(scattering.f_cos, towards.radiance)
         if wp.static(features.absorption):
             scattered.radiance = wp.cw_mul(scattered.radiance, transmittance(r.absorption, towards.distance))
+        if wp.static(features.keeps_light_apart):
+            scattered.diffuse = lights.control.diffuse_share(scene, r.choice.light, scattering.diffuse)
         return scattered
 
     @wp.func
@@ -108,6 +118,8 @@ def make_direct_light(
             direct.bsdf_share = balance_weight(light.pdf_bsdf, light.pdf)
             direct.radiance = shadowed(scene, r, light) * (balance_weight(light.pdf, light.pdf_bsdf) / light.pdf)
             direct.rays = 1
+            direct.light = r.choice.light
+            direct.diffuse = light.diffuse
         return direct
 
     return SimpleNamespace(

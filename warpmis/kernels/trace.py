@@ -55,6 +55,7 @@ def make_trace(features: Features) -> KernelFunction:
     camera_ray = make_camera(features)
     sampler = make_sampler(features)
     Li = path_tracer.Li
+    end_sample = path_tracer.contributions.end_sample
     vec_s = path_tracer.strategies.vec_s
     vec_k = learning.vec_k
     has_strategies = path_tracer.strategies.count > 0
@@ -98,6 +99,7 @@ def make_trace(features: Features) -> KernelFunction:
             path = Li(scene, ray, key, shares, choice_number(key, round.stratified), round.max_depth)
             add_rays(sums, path.rays, path.shadow_rays)
             is_accepted = add_sample(sums, path.L, path.first_hit, depth_of(camera, ray, path.first_hit))
+            end_sample(scene, film, index, pixel, is_accepted)
             if wp.static(learning.is_on):
                 if is_accepted:
                     learning.add(moments, path, round.direct_only)

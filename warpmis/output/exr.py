@@ -23,6 +23,7 @@ def write_exr(
     path: str | os.PathLike[str],
     channels: Mapping[str, NDArray[np.floating]],
     header: Mapping[str, str | int | float],
+    foreign: Mapping[str, str] | None = None,
 ) -> None:
     """Write one part, ZIP compressed, with row 0 on top.
 
@@ -30,6 +31,7 @@ def write_exr(
         path: the file; it appears whole or not at all.
         channels: by name, such as "R" or "albedo.R", each of shape (H, W), stored as float32.
         header: attributes, stored as "warpmis:<name>". Floats keep 32 bits; an int beyond 32 bits is stored as text.
+        foreign: attributes of other people's conventions, stored by their own names.
     """
     # OpenEXR ignores strides: given a view, it stores what lies beside it in memory.
     pixels = {name: np.ascontiguousarray(channel, dtype=np.float32) for name, channel in channels.items()}
@@ -40,6 +42,7 @@ def write_exr(
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         **{_PREFIX + name: _attribute(value) for name, value in header.items()},
+        **(foreign or {}),
     }
     with replacing(path) as temporary:
         OpenEXR.File(attributes, pixels).write(temporary)

@@ -24,11 +24,13 @@ def write_png(
     write_display_png(path, to_display(linear, exposure, srgb=srgb), srgb=srgb)
 
 
-def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8], *, srgb: bool = True) -> None:
-    """Write sRGB or linear values as they are, shape (H, W, 3) uint8; the file appears whole or not at all."""
+def write_display_png(path: str | os.PathLike[str], picture: NDArray[np.uint8], *, srgb: bool | None = True) -> None:
+    """Write values as they are, shape (H, W, 3) uint8: sRGB, linear, or for None others. The file appears whole or not
+    at all."""
     height, width, channels = picture.shape
     spec = oiio.ImageSpec(width, height, channels, "uint8")
-    spec.attribute("oiio:ColorSpace", "srgb_rec709_scene" if srgb else "lin_rec709_scene")
+    if srgb is not None:
+        spec.attribute("oiio:ColorSpace", "srgb_rec709_scene" if srgb else "lin_rec709_scene")
     with replacing(path) as temporary:
         output = oiio.ImageOutput.create("png")
         if output is None:

@@ -134,7 +134,8 @@ def trace_rows(job: Job, common: dict[str, Any], task: Task) -> Traced:
                 restore(sums, task.sums[name], rows)
             else:
                 for array in device_arrays(sums).values():
-                    array[rows].zero_()
+                    if array.size:
+                        array[rows].zero_()
         integrator.window = task.rows
         integrator.traced = np.zeros(integrator.rows_of(task.part), np.bool_)
         integrator.traced[rows] = task.traced

@@ -22,7 +22,7 @@ from warpmis.cache.training import Training, training_rounds
 from warpmis.config import RenderConfig
 from warpmis.device.cache_views import CacheView, VertexRecord
 from warpmis.device.compilation import Compiler
-from warpmis.device.film_buffers import allocate_film, download_film
+from warpmis.device.film_buffers import download_film
 from warpmis.device.footprint import array_bytes
 from warpmis.device.snapshot import restore, snapshot
 from warpmis.device.upload import DeviceScene
@@ -140,7 +140,7 @@ class GuidedIntegrator(Integrator):
         if self.is_guided:
             self._upload_cache(part)
             if part.training:
-                self.training = part.training, allocate_film(self._cells(part.stride), self.config.device)
+                self.training = part.training, self._new_film(self._cells(part.stride))
 
     def rows_of(self, part: Round) -> int:
         assert isinstance(part, CacheRound)
@@ -151,7 +151,7 @@ class GuidedIntegrator(Integrator):
         stride = pilot_stride(self.pixels)
         view = round_view(self.config, part, samples, stride)
         view.seed = (self.config.seed + PILOT_SEED) % 2**32
-        film = allocate_film(self._cells(stride), self.config.device)
+        film = self._new_film(self._cells(stride))
         self._launch_round(self.plain_kernel, film, view, lambda samples: None)
         self._count_rays(film)
         self.pilot_pictures.append(download_film(film, *self._size(stride)))
@@ -263,7 +263,7 @@ class GuidedIntegrator(Integrator):
         self.cache.resume(state["cache"])
         if state["training"] is not None:
             training = Training(**state["training"]["round"])
-            self.training = training, allocate_film(self._cells(training.stride), self.config.device)
+            self.training = training, self._new_film(self._cells(training.stride))
             restore(self.training[1], state["training"]["film"])
 
     def sums_of(self, part: Round) -> dict[str, Any]:

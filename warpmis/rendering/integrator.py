@@ -43,17 +43,6 @@ def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.f
 class Integrator(RoundTracer):
     """One render in progress on one device."""
 
-    def ids(self) -> NDArray[np.int32]:
-        """Prim, place and face that the middle of each pixel sees, shape (H, W, 3), -1 where there is no surface.
-
-        Of a render that was asked for them.
-        """
-        (kernel,) = self.identify
-        self.compiler.wait([kernel])
-        found = wp.empty(self.pixels, dtype=wp.vec3i, device=self.config.device)
-        self.launcher.run_over(kernel, self.pixels, [self.scene.view, self.scene.camera, found])
-        return found.numpy().reshape(self.height, self.width, 3).copy()
-
     def rounds(self) -> Iterator[Round]:
         """Those of the render; each is traced before the next one is asked for."""
         yield from schedule(self.config)
@@ -156,6 +145,8 @@ class Integrator(RoundTracer):
         allocations = [self.allocation] if self.stride == 1 else [self.allocation, self.learned]
         decisions = [array for one in allocations for array in (one.shares, one.estimators)]
         picture = array_bytes([*self.films, *decisions, *self.learner.buffers])
+        if self.aovs is not None:
+            picture += array_bytes([self.aov_view.sample, self.aov_view.on_ray])
         return {"scene": scene_bytes(self.scene), "picture": picture}
 
     def fill(self) -> None:

@@ -68,6 +68,8 @@ def render(
     max_depth: int | None = None,
     seed: int | None = None,
     ids: bool | None = None,
+    aov: Sequence[str] | None = None,
+    cryptomatte: bool | None = None,
     device: str | None = None,
     threads: int | None = None,
     learn_rounds: int | None = None,
@@ -112,6 +114,8 @@ def render(
         max_depth: bounces after the camera ray's hit (8): 0 is emission alone, 1 direct light.
         seed: the same seed gives the same picture (0).
         ids: also find the prim, the instance and the face that each pixel sees (False).
+        aov: further pictures, such as ("direct", "indirect", "lights", "key=C.*<L.'key'>"); docs/aovs.md has the names.
+        cryptomatte: also find which prims and materials each pixel shows, and how much of each (False).
         device: "cpu" (the default) or "cuda:0".
         threads: CPU threads; None for all that this process may use.
         learn: all learn settings at once.
@@ -139,7 +143,7 @@ def render(
     settings = _given(
         width=width, spp=spp, target_error=target_error, time_limit=time_limit, method=method, strategies=strategies,
         allocation=allocation, strategy_choice=strategy_choice, sampler=sampler, mis_compensation=mis_compensation,
-        max_depth=max_depth, seed=seed, ids=ids, device=device, threads=threads,
+        max_depth=max_depth, seed=seed, ids=ids, aov=aov, cryptomatte=cryptomatte, device=device, threads=threads,
     )  # fmt: skip
     options = _given(
         camera=camera, time=time, purposes=purposes, render_settings=render_settings, product=product,
@@ -215,13 +219,18 @@ def _render_stage(
     reporter.phase("load")
     if farm is not None and isinstance(stage, str | os.PathLike) and os.path.exists(stage):
         farm.source = os.path.abspath(stage), {**options, "width": config.width}
-    scene = load_stage(stage, width=config.width, **options)
+
+    def scene_at(code: float | None) -> Scene:
+        at = options if code is None else {**options, "time": code}
+        scene = load_stage(stage, width=config.width, **at)
+        if "motion" not in config.aov:
+            return scene
+        later = load_stage(stage, width=config.width, **{**options, "time": scene.time + 1.0})
+        return dataclasses.replace(scene, next_frame=later)
+
+    scene = scene_at(None)
     opens, closes = scene.camera.shutter
     if opens < closes and shutter_samples > 1:
-
-        def scene_at(code: float) -> Scene:
-            return load_stage(stage, width=config.width, **{**options, "time": code})
-
         shown = reporter.progress, uploads or Uploads(), reporter.preview, part, farm
         return render_shutter(scene, scene_at, config, shutter_samples, features, *shown)
     if opens < closes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +14,8 @@ import warpmis
 from warpmis.config import SettingsDict
 from warpmis.errors import ConfigError
 from warpmis.film.metrics import estimated_relative_error
+from warpmis.output import cryptomatte
+from warpmis.output.cryptomatte import Coverage
 from warpmis.rendering.stats import RenderStats
 
 Float32Array = NDArray[np.float32]
@@ -44,7 +46,10 @@ class RenderResult:
         round_allocations: with keep_maps, the allocation after each learn round, shape (H, W, S) float32 each.
         ids: with ids=True, what the middle of each pixel sees, shape (H, W, 3) int32: the prim's place in `paths`, its
             instance, and its face, curve or point; -1 where there is no surface.
-        paths: with ids=True, the prims' paths.
+        paths: with ids=True or the AOV primId, the prims' paths; material_paths: with materialId, the materials'.
+        aovs: with aov=(...), the further pictures by name: of light, linear Rec.709, shape (H, W, 3) float32; of the
+            surface in the middle of each pixel, shape (H, W) or (H, W, 2).
+        cryptomatte: with cryptomatte=True, which prims and which materials cover each pixel, see Coverage.
         stats: counts and times, see RenderStats.
         name: the stage's file name or identifier.
         settings: the settings of the render, as plain values.
@@ -68,6 +73,9 @@ class RenderResult:
     round_allocations: tuple[Float32Array, ...] = ()
     ids: NDArray[np.int32] | None = None
     paths: tuple[str, ...] = ()
+    material_paths: tuple[str, ...] = ()
+    aovs: Mapping[str, Float32Array] = field(default_factory=dict)
+    cryptomatte: tuple[Coverage, ...] = ()
     settings: SettingsDict = field(default_factory=SettingsDict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -107,10 +115,15 @@ class RenderResult:
             if unknown:
                 raise ConfigError(f"there is no channel {unknown[0]}; there are {', '.join(pictures)}")
             pictures = {name: pictures[own] for name, own in channels.items()}
+        for one in self.cryptomatte:
+            pictures |= cryptomatte.channels(one.layer, one.ids, one.shares)
+        mattes = [cryptomatte.attributes(one.layer, one.names) for one in self.cryptomatte]
         header = {"version": warpmis.__version__, "stage": self.name, **_flat(self.settings)}
         if self.paths:
             header["paths"] = " ".join(self.paths)  # a path has no spaces
-        write_exr(path, pictures, header)
+        if self.material_paths:
+            header["materials"] = " ".join(path or "-" for path in self.material_paths)
+        write_exr(path, pictures, header, {name: value for matte in mattes for name, value in matte.items()})
 
     @property
     def shown(self) -> Float32Array:
@@ -145,6 +158,15 @@ class RenderResult:
         next_event = self.next_event if learned else None
         return notebook_html(caption, self.shown, self.allocation, self.strategies, next_event)
 
+    def aov_channels(self, asked: Sequence[str]) -> list[str]:
+        """Names of the EXR channels of the AOVs among `asked`, which are as RenderConfig.aov."""
+        layers = {one.partition("=")[0] for one in asked}
+        found = []
+        for name, picture in self.aovs.items():
+            if name in layers or ("lights" in layers and name.startswith("light.")):
+                found += list(_named(name, picture))
+        return found
+
     def channels(self) -> dict[str, Float32Array]:
         """Every picture under its EXR channel name, each of shape (H, W) float32."""
         pictures = {"A": self.alpha, "Z": self.depth, "variance.Y": self.variance, "samples.Y": self.samples}
@@ -157,11 +179,21 @@ class RenderResult:
             pictures[f"N.{name}"] = self.normal[..., axis]
         if self.ids is not None:
             pictures |= {name: self.ids[..., axis] for axis, name in enumerate(IDS)}
+        for name, picture in self.aovs.items():
+            pictures |= _named(name, picture)
         if self.next_event is not None:
             pictures["nextEvent.Y"] = self.next_event
         for axis, name in enumerate(self.strategies):
             pictures[f"allocation.{name}"] = self.allocation[..., axis]
         return {name: np.asarray(picture, dtype=np.float32) for name, picture in pictures.items()}
+
+
+def _named(name: str, picture: Float32Array) -> dict[str, Float32Array]:
+    """An AOV's channels by name."""
+    if picture.ndim == 2:
+        return {name: picture}
+    letters = {"uv": "UV", "motion": "XY"}.get(name, "RGB")
+    return {f"{name}.{letter}": picture[..., axis] for axis, letter in enumerate(letters)}
 
 
 def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, str | int | float]:
@@ -172,6 +204,6 @@ def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, str | int 
             flat |= _flat(value, f"{prefix}{name}.")
         elif isinstance(value, str | int | float):
             flat[prefix + name] = value
-        elif value is not None:
+        elif value:
             flat[prefix + name] = ",".join(str(item) for item in value)
     return flat

@@ -91,7 +91,7 @@ def begin(
     """Upload the scene, while kernels for the rounds are compiled."""
     reporter.phase("load")
     compiler.wait(tree_kernels(config.device))
-    device_scene = upload(scene, config.device, config.mis_compensation, config.ids, uploads)
+    device_scene = upload(scene, config.device, config.mis_compensation, config.ids or config.cryptomatte, uploads)
     kind = GuidedIntegrator if config.how.cache else Integrator
     integrator = kind(device_scene, features, config, allocation_of(config, *scene.resolution), compiler)
     reporter.total = config.spp * integrator.pixels

@@ -16,6 +16,7 @@ from warpmis.film.film import Film
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.reporter import Reporter
 from warpmis.rendering.result import RenderResult
+from warpmis.rendering.seen import seen_coverage, seen_ids, seen_surfaces
 from warpmis.rendering.stats import RenderStats
 from warpmis.scene import Scene
 from warpmis.scene.features import Features
@@ -85,7 +86,8 @@ class Run:
         scene, config, integrator = self.scene, self.config, self.integrator
         film, final = self._films()
         exposure = scene.camera.exposure
-        ids = integrator.ids() if config.ids else None
+        aovs = integrator.aovs.pictures(film, exposure) if integrator.aovs is not None else {}
+        shows_prims = config.ids or "primId" in config.aov
         stats = self._stats(film, final)
         return RenderResult(
             image=film.image() * np.float32(exposure),
@@ -97,8 +99,11 @@ class Run:
             variance=final.variance(exposure),
             allocation=integrator.allocation_map(),
             next_event=integrator.next_event_map().astype(np.float32) if config.uses_next_event else None,
-            ids=ids,
-            paths=tuple(prim.path for prim in scene.prims) if config.ids else (),
+            ids=seen_ids(integrator),
+            paths=tuple(prim.path for prim in scene.prims) if shows_prims else (),
+            material_paths=tuple(one.path for one in scene.materials) if "materialId" in config.aov else (),
+            aovs=aovs | seen_surfaces(integrator, scene),
+            cryptomatte=seen_coverage(integrator, scene),
             round_allocations=tuple(self.round_allocations),
             strategies=config.strategies,
             stats=stats,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warpmis.config import RenderConfig
 from warpmis.device.upload import Uploads
 from warpmis.errors import ConfigError, Interrupted
+from warpmis.output.cryptomatte import mean_coverage
 from warpmis.rendering.checkpoint import CheckpointPart, rendered_or_kept
 from warpmis.rendering.cluster import Farm
 from warpmis.rendering.preview import Preview
@@ -123,6 +124,13 @@ def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
         shares = shares.reshape(*shares.shape, *(1,) * (pictures.ndim - shares.ndim))
         return (shares * pictures).sum(axis=0).astype(np.float32)
 
+    def mean_aov(name: str) -> NDArray[np.float32]:
+        """Of light: ids and coordinates of surfaces have no mean."""
+        if first.aovs[name].shape[2:] != (3,):
+            return first.aovs[name]
+        pictures = np.stack([result.aovs[name] for result in results])
+        return (weights[..., None] * pictures).sum(axis=0).astype(np.float32)
+
     first = results[0]
     pictures: dict[str, Any] = {name: mean(name) for name in ("image", "alpha", "albedo", "variance", "allocation")}
     pictures |= {name: mean(name, hit_weights) for name in ("normal", "depth")}
@@ -131,6 +139,8 @@ def averaged(results: list[RenderResult], config: RenderConfig) -> RenderResult:
     return dataclasses.replace(
         first,
         **pictures,
+        aovs={name: mean_aov(name) for name in first.aovs},
+        cryptomatte=mean_coverage([result.cryptomatte for result in results]),
         samples=total.astype(first.samples.dtype),
         round_allocations=(),
         stats=_stats(results),

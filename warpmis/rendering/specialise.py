@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from warpmis.aovs import asks_for_light
 from warpmis.config import RenderConfig
 from warpmis.device.compilation import Compilation, Compiler
 from warpmis.device.trees import tree_kernels, tree_of
 from warpmis.device.upload import check_device
 from warpmis.rendering.guided import guided_kernels
-from warpmis.rendering.kernel_choice import identify_of, learner_of, trace_kernels
+from warpmis.rendering.kernel_choice import camera_kernels, learner_of, trace_kernels
 from warpmis.rendering.reporter import ProgressCallback, Reporter
 from warpmis.scene import Scene
 from warpmis.scene.features import Features, detect
@@ -23,6 +24,7 @@ def features_of(scene: Scene, config: RenderConfig, features: Features | None = 
     strategies = config.strategies if config.method != "nee" and not config.how.cache else ()
     features = features or detect(scene).with_depth(config.max_depth)
     features = features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
+    features = features.with_contributions("apart" if asks_for_light(config.aov) else "summed")
     return features.with_tree(tree_of(config.device))
 
 
@@ -47,7 +49,7 @@ def kernels_of(features: Features, config: RenderConfig) -> RunKernels:
         ConfigError: the machine lacks the device.
     """
     check_device(config.device)
-    tree, ids = tree_kernels(config.device), identify_of(features, config)
+    tree, ids = tree_kernels(config.device), camera_kernels(features, config)
     if config.how.cache:
         plain, *guided = guided_kernels(features)
         return RunKernels((plain, *tree, *ids), tuple(guided))

@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.config import RenderConfig
+from warpmis.device.aov_views import AovView
 from warpmis.device.compilation import Compiler
 from warpmis.device.film_buffers import allocate_film
 from warpmis.device.snapshot import restore, snapshot
@@ -19,8 +20,9 @@ from warpmis.device.upload import DeviceScene
 from warpmis.device.views import FilmView, RoundView
 from warpmis.learn.allocation import MIXTURE, NEXT_EVENT, Allocation
 from warpmis.learn.schedule import Round
-from warpmis.rendering.kernel_choice import identify_of, learner_of, trace_kernels
+from warpmis.rendering.kernel_choice import camera_kernels, learner_of, trace_kernels
 from warpmis.rendering.launches import Launcher, Piece
+from warpmis.rendering.light_path_aovs import light_path_aovs
 from warpmis.rendering.round_view import round_view
 from warpmis.scene.features import Features
 
@@ -72,11 +74,12 @@ class RoundTracer:
         kernels = self.learn_kernel, self.kernel, self.next_event_kernel = trace_kernels(features)
         self.learner = learner_of(features, config, (self.width, self.height))
         self.stride = self.learner.stride
-        self.identify = identify_of(features, config)
+        self.features = features
         self.compiler = compiler or Compiler(config.device)
         if compiler is None:
-            self.compiler.wait((*kernels, *self.learner.kernels, *self.identify))
+            self.compiler.wait((*kernels, *self.learner.kernels, *camera_kernels(features, config)))
         self.launcher = Launcher(config.device, config.threads)
+        self.aovs = light_path_aovs(config.aov, scene.light_groups)
         # Samples of the present round that all pixels have, and of the pass under way which ones have those, too.
         self.next_sample = 0
         self.passing = range(0)
@@ -96,11 +99,17 @@ class RoundTracer:
         self.learned = self.allocation
         if self.stride > 1:
             self.learned = Allocation.of(shares[: self.learner.cells], next_event, device)
-        self.learn_film = allocate_film(self.learner.cells if self.config.how.learns else 0, device)
-        self.film = allocate_film(self.pixels, device)
+        self.learn_film = self._new_film(self.learner.cells if self.config.how.learns else 0)
+        self.film = self._new_film(self.pixels)
+        if self.aovs is not None:
+            self.aov_view = self.aovs.view(self.pixels, device)  # what the scene's view points into
+            self.scene.view.aov = wp.array([self.aov_view], dtype=AovView, device=device)
         # For kernels without a mixture.
         self.no_shares = wp.zeros(1, dtype=vec1f, device=device)
         self.no_moments = wp.zeros(1, dtype=vec1d, device=device)
+
+    def _new_film(self, pixels: int) -> FilmView:
+        return allocate_film(pixels, self.config.device, 0 if self.aovs is None else self.aovs.row_count)
 
     def _passes(self, learn: bool) -> list[Pass]:
         """Those of a round: one, or two where some pixels have next-event estimation and others the mixture."""

@@ -43,6 +43,7 @@ class Features:
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
         cache: what vertices do with the spatial cache: "" nothing, "guide" by it, or "record" what they find as well.
+        contributions: "summed", or "apart": light is kept apart by the path that it took, for AOVs.
         sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
         tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
     """
@@ -82,6 +83,7 @@ class Features:
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
     cache: str = ""
+    contributions: str = "summed"
     sampler: str = "lattice"
     tree: str = "wide"
 
@@ -90,6 +92,15 @@ class Features:
         """Whether any light's radiance is not the same in all directions and for all receivers."""
         asked = (self.shaping, self.light_pictures, self.light_tints, self.light_response)
         return any((*asked, self.light_links, self.shadow_links))
+
+    @property
+    def keeps_light_apart(self) -> bool:
+        return self.contributions == "apart"
+
+    @property
+    def splits_lobes(self) -> bool:
+        """Whether the diffuse lobe's share of what a surface scatters is asked for."""
+        return self.light_response or self.keeps_light_apart
 
     @property
     def learns_from_pairs(self) -> bool:
@@ -110,6 +121,9 @@ class Features:
 
     def with_cache(self, cache: str) -> Features:
         return replace(self, cache=cache)
+
+    def with_contributions(self, contributions: str = "summed") -> Features:
+        return replace(self, contributions=contributions)
 
     def with_tree(self, tree: str) -> Features:
         return replace(self, tree=tree)

@@ -77,6 +77,7 @@ class LightControl:
         tint: of a light made of geometry, a factor on what its material emits, seen by surfaces but not by the camera,
             shape (3,) float64; None for 1.
         diffuse, specular: factors on what the diffuse and the specular lobes of materials make of the light.
+        group: key of the light group that it belongs to, "" for none.
         illuminates: which of Scene.prims the light reaches, shape (prims,) bool; None for all.
         shadow_casters: which of Scene.prims stand in its way, shape (prims,) bool; None for all.
     """
@@ -86,6 +87,7 @@ class LightControl:
     tint: NDArray[np.float64] | None = None
     diffuse: float = 1.0
     specular: float = 1.0
+    group: str = ""
     illuminates: NDArray[np.bool_] | None = None
     shadow_casters: NDArray[np.bool_] | None = None
 

@@ -27,12 +27,14 @@ class Prim:
     """A gprim as rendered: its path (instances: the instance proxy's path) and its sidedness.
 
     Surfaces are laminae: both sides reflect. `double_sided` decides whether an emissive surface shines on both
-    sides or from its front alone. `control` is what a light prim made of geometry asks for.
+    sides or from its front alone. `control` is what a light prim made of geometry asks for; `is_light`: whether the
+    prim is one.
     """
 
     path: str
     double_sided: bool = False
     control: LightControl = PLAIN
+    is_light: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,7 @@ class Scene:
         origin: of all positions here, in the stage's world space: 0 but for scenes far from it [scene units], shape
             (3,) float64.
         time: of the stage [time code].
+        next_frame: the scene one time code later, for motion vectors; None where nobody asks for them.
         warnings: what in the stage is not supported, one line each, with the prim path.
         notes: what was supplied because the stage has none (camera, light), one line each.
     """
@@ -65,6 +68,7 @@ class Scene:
     warnings: tuple[str, ...] = field(default=())
     notes: tuple[str, ...] = field(default=())
     prototypes: tuple[Prototype, ...] = ()
+    next_frame: Scene | None = None
 
     @property
     def parts(self) -> tuple[Geometry, ...]:

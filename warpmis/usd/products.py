@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdRender
 
-from warpmis.errors import StageError
+from warpmis.aovs import LIGHT
+from warpmis.errors import ConfigError, StageError
+from warpmis.path_expression import accepted
 from warpmis.usd.messages import Messages
 from warpmis.usd.opening import open_stage
 from warpmis.usd.reading import Reading, add_diagnostics, captured_diagnostics, composition_warnings
@@ -28,6 +30,10 @@ SOURCES = {
     "primId": {"primid"},
     "instanceId": {"instanceid"},
     "elementId": {"elementid"},
+    "uv": {"uv", "st", "texcoord"},
+    "materialId": {"materialid"},
+    "motion": {"motion", "motionvector", "motionvectors"},
+    **{name: {name, name.replace("_", ""), "_".join(reversed(name.split("_")))} for name in LIGHT},
 }
 # The result's channels for each, by the last part of the file's name for them.
 CHANNELS = {
@@ -39,7 +45,13 @@ CHANNELS = {
     "primId": {"primId": "primId"},
     "instanceId": {"instanceId": "instanceId"},
     "elementId": {"elementId": "elementId"},
+    "uv": {"U": "uv.U", "V": "uv.V"},
+    "materialId": {"materialId": "materialId"},
+    "motion": {"X": "motion.X", "Y": "motion.Y"},
+    **{name: {letter: f"{name}.{letter}" for letter in "RGB"} for name in LIGHT},
 }
+# What a render has to be asked for.
+AOVS = {"uv", "materialId", "motion", *LIGHT}
 # A variable of one of these types brings the coverage along with the colour.
 WITH_ALPHA = {"color4f", "color4h", "color4d", "float4", "half4"}
 
@@ -53,12 +65,14 @@ class Product:
         file: the file's name, without a folder, ending in .exr or .png.
         channels: the file's channels and which of the result's each is; None for all as RenderResult.write has them.
         warnings: what of it is not supported.
+        aovs: what the render has to be asked for, as RenderConfig.aov.
     """
 
     path: str
     file: str
     channels: dict[str, str] | None
     warnings: tuple[str, ...] = ()
+    aovs: tuple[str, ...] = ()
 
 
 def read_products(
@@ -111,12 +125,15 @@ def _read(product: Any, reading: Reading) -> Product:
         reading.warn(path, f"productType {kind} is not supported; a raster is rendered")
     file = _file_name(product, reading)
     channels: dict[str, str] = {}
+    aovs: list[str] = []
     targets = reading.targets(product.GetOrderedVarsRel(), "it is left out")
     for target in targets:
-        channels |= _channels(reading.stage.GetPrimAtPath(target), str(target), reading)
+        found = _variable(reading.stage.GetPrimAtPath(target), str(target), reading)
+        channels |= found.channels
+        aovs += found.aovs
     if targets and not channels:
         reading.warn(path, "none of its variables is supported; all channels are written")
-    return Product(path, file, channels or None, tuple(reading.warnings))
+    return Product(path, file, channels or None, tuple(reading.warnings), tuple(dict.fromkeys(aovs)))
 
 
 def _file_name(product: Any, reading: Reading) -> str:
@@ -131,26 +148,56 @@ def _file_name(product: Any, reading: Reading) -> str:
     return last
 
 
-def _channels(prim: Any, path: str, reading: Reading) -> dict[str, str]:
-    """A RenderVar's channels; a layer is named by the prim, unless that is a usual name of what it is."""
+@dataclass(frozen=True)
+class Variable:
+    """A RenderVar's channels, by their names in the file, and what they ask of the render."""
+
+    channels: dict[str, str] = field(default_factory=dict)
+    aovs: tuple[str, ...] = ()
+
+
+def _variable(prim: Any, path: str, reading: Reading) -> Variable:
+    """A layer is named by the prim, unless that is a usual name of what it is."""
     if not prim:
-        return {}
+        return Variable()
     if not prim.IsA(UsdRender.Var):
         reading.warn(path, "there is no RenderVar here")
-        return {}
+        return Variable()
     var, name = UsdRender.Var(prim), str(prim.GetName())
     source = str(reading.get(var.GetSourceNameAttr(), "")) or name
-    found = [what for what, names in SOURCES.items() if source.removeprefix("lpe:").lower() in names]
-    if not found or reading.get(var.GetSourceTypeAttr(), "raw") == "primvar":
-        reading.warn(path, f"the variable {source} is not supported; it is left out")
-        return {}
-    (what,) = found
+    kind = str(reading.get(var.GetSourceTypeAttr(), "raw"))
+    is_expression = kind == "lpe" or source.startswith("lpe:")
+    source = source.removeprefix("lpe:").strip()
+    if kind == "primvar" and source.lower() not in SOURCES["uv"]:
+        return _unsupported(source, path, reading)
+    found = [what for what, names in SOURCES.items() if source.lower() in names]
+    if not found:
+        return _of_light(source, name, path, reading) if is_expression else _unsupported(source, path, reading)
+    what = found[0]
     parts = dict(CHANNELS[what])
     if what == "color" and reading.get(var.GetDataTypeAttr(), "color3f") in WITH_ALPHA:
         parts |= CHANNELS["alpha"]
+    asked = (what,) if what in AOVS else ()
     usual = name.lower() in SOURCES[what]
     if len(parts) == 1:
-        return {part if usual else name: own for part, own in parts.items()}
+        return Variable({part if usual else name: own for part, own in parts.items()}, asked)
     if what == "color" and usual:
-        return parts
-    return {f"{name}.{part}": own for part, own in parts.items()}
+        return Variable(parts)
+    return Variable({f"{name}.{part}": own for part, own in parts.items()}, asked)
+
+
+def _of_light(expression: str, name: str, path: str, reading: Reading) -> Variable:
+    """The layer of a light path expression."""
+    try:
+        if accepted(expression, ()).all():
+            return Variable({f"{name}.{letter}": letter for letter in "RGB"})
+    except ConfigError as error:
+        reading.warn(path, f"{error}; it is left out")
+        return Variable()
+    own = f"var.{name}"
+    return Variable({f"{name}.{letter}": f"{own}.{letter}" for letter in "RGB"}, (f"{own}={expression}",))
+
+
+def _unsupported(source: str, path: str, reading: Reading) -> Variable:
+    reading.warn(path, f"the variable {source} is not supported; it is left out")
+    return Variable()

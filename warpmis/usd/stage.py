@@ -244,7 +244,8 @@ class StageContents:
             for row, matrix in enumerate(placement.matrices):
                 scopes = tuple(scope.of_places([row]) for scope in placement.scopes)
                 shading, control = read_mesh_light(prim, surface, matrix, scopes, self.materials, self.reading)
-                self._place(Prim(str(prim.GetPath()), double_sided, control), surface, shading, matrix[None])
+                light = Prim(str(prim.GetPath()), double_sided, control, is_light=True)
+                self._place(light, surface, shading, matrix[None])
             return
         shading = self.materials.of_surface(prim, surface, placement.scopes)
         is_shared = bool(prim.IsInstanceProxy())
@@ -281,7 +282,7 @@ class StageContents:
             if isinstance(light, EmissiveSurface):
                 count, index = len(light.surface.triangles), self.materials.index(light.material)
                 shading = Shading(np.full(count, index), np.zeros((count, 3, 0), np.float32))
-                prim_of_light = Prim(light.material.path, control=light.control)
+                prim_of_light = Prim(light.material.path, control=light.control, is_light=True)
                 self._place(prim_of_light, light.surface, shading, light.matrix[None])
             else:
                 self.lights.append(light)

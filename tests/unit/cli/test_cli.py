@@ -82,6 +82,7 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
     stage = "--camera /Cam --image-width 320 --purposes render,proxy --render-settings-prim-path /Render/A".split()
     render = "--spp 32 --method murray20 --strategies light,bsdf --max-depth 3 --seed 7 --device cuda:0 --threads 2"
     render += " --strategy-choice random --mis-compensation --ids --target-error 2% --time-limit 90"
+    render += " --aov direct,lights --cryptomatte"
     geometry = "--complexity low --variant /A{b=c} --variant /A{d=e} --mask /A,/B --session-layer s.usda".split()
     assert main(["render", "box.usda", "out.exr", *stage, *geometry, *render.split(), *learning]) == 0
     options = {name: fake.options[name] for name in ("camera", "purposes", "render_settings")}
@@ -94,6 +95,7 @@ def test_every_option_reaches_the_renderer(fake: FakeRender) -> None:
         "width": 320, "spp": 32, "method": "murray20", "strategies": ["light", "bsdf"], "allocation": None,
         "strategy_choice": "random", "sampler": "lattice", "mis_compensation": 1,
         "max_depth": 3, "seed": 7, "ids": 1, "target_error": 0.02, "time_limit": 90.0, "device": "cuda:0", "threads": 2,
+        "aov": ["direct", "lights"], "cryptomatte": 1,
         "learn": {"rounds": 4, "spp": 2, "initial_allocation": [0.25, 0.75]},
     }  # fmt: skip
     assert Path("out.exr").is_file()

@@ -108,8 +108,11 @@ DIFFERING: dict[str, list[tuple[Any, ...]]] = {
     "make_trace": [
         *((Features().with_strategies(("bsdf", name)),) for name in ("light", "uniform", "cosine", "specular")),
         *((Features().with_cache(cache),) for cache in ("record", "guide")),
+        (Features().with_contributions("apart"),),
     ],
     "make_locate": [()],
+    "make_coverage": [(Features(),), (Features(opacity=True),)],
+    "make_locate_surface": [(Features(),), (Features(opacity=True),)],
     "make_identify": [(Features(),), (Features(opacity=True),)],
     "make_relative": [(THREE,), (FOUR,), (PAIRS,)],
     "make_row_sums": [(THREE,), (FOUR,), (PAIRS,)],

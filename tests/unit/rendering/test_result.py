@@ -59,7 +59,8 @@ def test_written_header(tmp_path: Path) -> None:
     assert header == {
         "version": warpmis.__version__, "stage": "box.usda", "spp": 64, "method": "murray20",
         "strategies": "bsdf,light", "strategy_choice": "stratified", "sampler": "lattice",
-        "mis_compensation": 0, "max_depth": 8, "seed": 3, "ids": 0, "device": "cpu", "learn.rounds": 1, "learn.spp": 32,
+        "mis_compensation": 0, "max_depth": 8, "seed": 3, "ids": 0, "cryptomatte": 0,
+        "device": "cpu", "learn.rounds": 1, "learn.spp": 32,
     }  # fmt: skip
 
 

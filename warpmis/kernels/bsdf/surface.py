@@ -52,7 +52,7 @@ class Surface:
 class Scattering:
     """f_cos: BSDF times cosine, per colour; pdf_solid_angle: density of `sample` for that direction, of which
     pdf_specular is the part of the specular and coat lobes; diffuse: the diffuse lobe's share of f_cos, per colour,
-    where lights ask for it."""
+    where lights or AOVs ask for it."""
 
     f_cos: wp.vec3
     pdf_solid_angle: float
@@ -112,12 +112,12 @@ def make_surface(features: Features) -> SimpleNamespace:
             return e
         e.f_cos = s.diffuse * (INV_PI * wi[2])
         e.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
-        if wp.static(features.light_response):
+        if wp.static(features.splits_lobes):
             e.diffuse = e.f_cos
         if wp.static(features.specular):
             if s.alpha > 0.0:
                 e.f_cos = wp.cw_mul(e.f_cos, ONE - schlick(s.specular_f0, wi[2]))
-                if wp.static(features.light_response):
+                if wp.static(features.splits_lobes):
                     e.diffuse = e.f_cos
                 if s.p_specular > 0.0:
                     h = wp.normalize(s.wo + wi)
@@ -127,7 +127,7 @@ def make_surface(features: Features) -> SimpleNamespace:
             if wp.static(features.clearcoat):
                 if s.coat > 0.0:
                     e.f_cos = e.f_cos * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
-                    if wp.static(features.light_response):
+                    if wp.static(features.splits_lobes):
                         e.diffuse = e.diffuse * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
                     if s.p_coat > 0.0:
                         h = wp.normalize(s.wo + wi)
@@ -136,7 +136,7 @@ def make_surface(features: Features) -> SimpleNamespace:
                         e.f_cos += ONE * (fresnel * pdf * smith_g1(wi, s.coat_alpha))
                         e.pdf_specular += s.p_coat * pdf
             e.pdf_solid_angle += e.pdf_specular
-        if wp.static(features.light_response):
+        if wp.static(features.splits_lobes):
             e.diffuse = wp.cw_div(e.diffuse, wp.max(e.f_cos, ONE * 1.0e-20))
         return e
 

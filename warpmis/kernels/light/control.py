@@ -83,7 +83,7 @@ def picture_factor(control: ControlView, light: LightView, x: wp.vec3, wi: wp.ve
 
 
 def make_control(features: Features) -> SimpleNamespace:
-    """For the lights in `features`: prim_of, factor, response."""
+    """For the lights in `features`: prim_of, factor, response, diffuse_share."""
     intersect = make_intersect(features)
 
     @wp.func
@@ -125,4 +125,13 @@ def make_control(features: Features) -> SimpleNamespace:
         control = scene.controls[index]
         return diffuse * control.diffuse + (one - diffuse) * control.specular
 
-    return SimpleNamespace(prim_of=prim_of, factor=factor, response=response)
+    @wp.func
+    def diffuse_share(scene: SceneView, index: int, diffuse: wp.vec3) -> wp.vec3:
+        """The diffuse lobe's share of what the lobes make of the light, per colour."""
+        if wp.static(features.light_response):
+            if index < scene.controls.shape[0]:
+                whole = response(scene, index, diffuse)
+                return wp.cw_div(diffuse * scene.controls[index].diffuse, wp.max(whole, wp.vec3(1.0e-20)))
+        return diffuse
+
+    return SimpleNamespace(prim_of=prim_of, factor=factor, response=response, diffuse_share=diffuse_share)

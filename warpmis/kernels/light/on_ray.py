@@ -11,6 +11,7 @@ from warpmis.kernels.light.choice import density
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.dome import dome_pdf, dome_radiance, dome_uv, pdf_dome_constant
 from warpmis.kernels.light.mesh_light import hit_emitter_triangle, pdf_mesh, triangle_area
+from warpmis.kernels.light.met import keep_emission
 from warpmis.kernels.light.records import NO_LIGHT, LightHit, RayStretch, Receiver
 from warpmis.kernels.light.tree import CENTER, HALF, ROWS
 from warpmis.kernels.medium import transmittance
@@ -141,7 +142,11 @@ def make_on_ray(
         ray.radiance += radiance
         if of_light < 0.0:
             of_light = h.pdf_solid_angle * choice.importance_of(scene, r, index)
-        ray.weighted += radiance * balance_weight(stretch.pdf, density(of_light, r.total))
+        weighted = radiance * balance_weight(stretch.pdf, density(of_light, r.total))
+        ray.weighted += weighted
+        if wp.static(features.keeps_light_apart):
+            share = control.diffuse_share(scene, index, r.diffuse)
+            keep_emission(scene, r, index, wp.where(r.weighs_emission, weighted, radiance), share)
         if h.distance < INFINITE_DISTANCE:
             ray.hits += 1
         return ray

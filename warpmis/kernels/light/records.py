@@ -73,6 +73,8 @@ class Receiver:
     lights that may reach it, as in LightLeaves. absorption: of the medium that rays leave x through [1/scene unit].
     diffuse: the diffuse lobe's share of what the surface scatters from the
     ray's direction, per color.
+
+    place, weighs_emission: where light is kept apart by its path, PathState's.
     """
 
     x: wp.vec3
@@ -90,3 +92,5 @@ class Receiver:
     links: int
     absorption: wp.vec3
     diffuse: wp.vec3
+    place: int
+    weighs_emission: bool

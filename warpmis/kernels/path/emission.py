@@ -11,6 +11,7 @@ import warp as wp
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.choice import density
+from warpmis.kernels.light.met import keep_emission
 from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.medium import transmittance
 from warpmis.kernels.mis import balance_weight
@@ -20,16 +21,21 @@ wp.set_module_options({"enable_backward": False})
 
 
 def make_emission(
-    features: Features, PathState: type, lights: SimpleNamespace, record: SimpleNamespace
+    features: Features,
+    PathState: type,
+    lights: SimpleNamespace,
+    record: SimpleNamespace,
+    contributions: SimpleNamespace,
 ) -> SimpleNamespace:
     """Functions: add, of_lights, of_surface, arriving."""
 
     @wp.func
-    def add(path: wp.ref[PathState], emission: wp.vec3):
+    def add(scene: SceneView, path: wp.ref[PathState], emission: wp.vec3):
         """Add an emission times the path's throughput."""
         radiance = wp.cw_mul(path.beta, emission)
         path.L += radiance
         record.emission(path, radiance)
+        contributions.ray(scene, path)
 
     @wp.func
     def of_lights(path: wp.ref[PathState], on_ray: wp.ref[LightsOnRay]) -> wp.vec3:
@@ -72,6 +78,10 @@ def make_emission(
         if path.weighs_emission:
             of_light = lights.emitter_density(scene, path.receiver, emitter, hit.ng, path.wi, distance)
             emission = emission * balance_weight(path.pdf, density(of_light, path.receiver.total))
+        if wp.static(features.keeps_light_apart):
+            light = scene.emitter_lights[emitter]
+            share = lights.control.diffuse_share(scene, light, path.receiver.diffuse)
+            keep_emission(scene, path.receiver, light, emission, share)
         return emission
 
     return SimpleNamespace(add=add, of_lights=of_lights, of_surface=of_surface, arriving=arriving)

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+from warpmis.kernels.path.contributions import make_contributions, scattering_type
 from warpmis.kernels.path.guided import make_guided, make_guided_estimate
 from warpmis.kernels.path.mixture import make_densities, make_estimate, make_mixture
 from warpmis.kernels.path.next_event import NoEstimate, make_next_event
@@ -17,26 +18,30 @@ from warpmis.scene.features import Features
 def make_estimator(
     features: Features, surface: SimpleNamespace, lights: SimpleNamespace, direct_light: SimpleNamespace
 ) -> SimpleNamespace:
-    """The estimator's functions (next_event.py), its `record` of a path, the type PathState, and `strategies`.
+    """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, `strategies`.
 
     By the spatial cache where there is one. Else next-event estimation without strategies, and with them their mixture,
     or pairs where that is what learning asks for.
     """
     strategies = make_strategies(features, surface, lights)
+    Scattering = scattering_type(features)
     if features.cache:
-        PathState = make_state(make_guided_estimate(), NoRecord)
+        PathState = make_state(make_guided_estimate(), NoRecord, Scattering)
+        contributions = make_contributions(features, PathState)
         record = make_vertex_records(features, PathState)
-        estimator = make_guided(PathState, strategies.vec_s, surface, direct_light, record)
+        estimator = make_guided(PathState, strategies.vec_s, surface, direct_light, record, contributions)
         estimator.record = record
     elif not features.strategies:
-        PathState = make_state(NoEstimate, NoRecord)
-        estimator = make_next_event(PathState, strategies.vec_s, surface, direct_light)
+        PathState = make_state(NoEstimate, NoRecord, Scattering)
+        contributions = make_contributions(features, PathState)
+        estimator = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
         estimator.record = no_record(PathState)
     else:
-        PathState = make_state(make_estimate(strategies.vec_s), Record)
+        PathState = make_state(make_estimate(strategies.vec_s), Record, Scattering)
+        contributions = make_contributions(features, PathState)
         record = make_record(PathState)
         densities = make_densities(features, PathState, strategies, lights)
-        next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light)
+        next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
         if features.learns_from_pairs:
             estimator = make_pairs(PathState, strategies, densities, next_event, record)
         else:
@@ -46,5 +51,6 @@ def make_estimator(
     if not features.cache:
         estimator.survives = make_roulette(features, PathState, estimator.record).survives
     estimator.PathState = PathState
+    estimator.contributions = contributions
     estimator.strategies = strategies
     return estimator

@@ -59,7 +59,12 @@ def make_guided_estimate() -> type:
 
 
 def make_guided(
-    PathState: type, vec_s: type, surface: SimpleNamespace, direct_light: SimpleNamespace, record: SimpleNamespace
+    PathState: type,
+    vec_s: type,
+    surface: SimpleNamespace,
+    direct_light: SimpleNamespace,
+    record: SimpleNamespace,
+    contributions: SimpleNamespace,
 ) -> SimpleNamespace:
     """The estimator: begin, scatter, keep_densities, survives, asks_whole_line, weigh_ray."""
 
@@ -86,6 +91,9 @@ def make_guided(
         weight = balance_weight(sampled, pdf * path.estimate.survival) / sampled
         radiance = direct_light.shadowed(scene, path.receiver, light) * weight
         path.L += wp.cw_mul(path.beta, radiance)
+        contributions.light_sample(
+            scene, path, wp.cw_mul(path.beta, radiance), light.diffuse, path.receiver.choice.light
+        )
         path.shadow_rays += 1
         return luminance(radiance)
 

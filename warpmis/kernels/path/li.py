@@ -49,9 +49,10 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     record = estimator.record
     PathState = estimator.PathState
     vec_s = estimator.strategies.vec_s
-    emission = make_emission(features, PathState, lights, record)
-    specular = make_specular(features, PathState, lights)
-    vertices = make_vertex(features, PathState, surface, lights, direct_light)
+    contributions = estimator.contributions
+    emission = make_emission(features, PathState, lights, record, contributions)
+    specular = make_specular(features, PathState, lights, contributions)
+    vertices = make_vertex(features, PathState, surface, lights, direct_light, contributions)
     throughput = make_throughput(features, surface, estimator)
     sampler = make_sampler(features)
     has_events = features.smooth or features.opacity or features.transmission
@@ -64,6 +65,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
         path.origin = ray.origin
         path.wi = ray.direction
         path.receiver.x = ray.origin
+        contributions.begin(path, key)
         estimator.begin(scene, path, key, allocation, u_choice)
         return path
 
@@ -89,6 +91,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
                 distance += path.travelled
 
             # Find the lights on the way there, with which the density of the ray's direction is known at last.
+            contributions.begin_ray(path)
             on_ray = lights.gather(
                 scene,
                 path.receiver,
@@ -106,12 +109,12 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             if path.bounces == 0 and on_ray.hits > 0:
                 path.first_hit.alpha = 1.0
             if hit.distance >= INFINITE_DISTANCE:
-                emission.add(path, emitted)
+                emission.add(scene, path, emitted)
                 break
             material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
             if wp.static(features.mesh_light):
                 emitted += emission.of_surface(scene, path, hit, material, distance)
-            emission.add(path, emitted)
+            emission.add(scene, path, emitted)
             if wp.static(features.absorption):
                 path.beta = wp.cw_mul(path.beta, emission.arriving(path, hit, material))
 
@@ -160,4 +163,4 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
         record.end(scene, path)
         return path
 
-    return SimpleNamespace(Li=Li, PathState=PathState, strategies=estimator.strategies)
+    return SimpleNamespace(Li=Li, PathState=PathState, strategies=estimator.strategies, contributions=contributions)

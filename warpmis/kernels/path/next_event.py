@@ -27,7 +27,11 @@ class NoEstimate:
 
 
 def make_next_event(
-    PathState: type, vec_s: type, surface: SimpleNamespace, direct_light: SimpleNamespace
+    PathState: type,
+    vec_s: type,
+    surface: SimpleNamespace,
+    direct_light: SimpleNamespace,
+    contributions: SimpleNamespace,
 ) -> SimpleNamespace:
     """The estimator: begin, scatter, keep_densities, asks_whole_line, weigh_ray."""
 
@@ -41,7 +45,9 @@ def make_next_event(
     def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]) -> DirectLight:
         """The sample, as what it adds to the path."""
         from_light = direct_light.from_light_sample(scene, path.receiver, vertex)
-        path.L += wp.cw_mul(path.beta, from_light.radiance)
+        radiance = wp.cw_mul(path.beta, from_light.radiance)
+        path.L += radiance
+        contributions.light_sample(scene, path, radiance, from_light.diffuse, from_light.light)
         path.shadow_rays += from_light.rays
         return from_light
 

@@ -14,7 +14,9 @@ from warpmis.scene.features import Features
 wp.set_module_options({"enable_backward": False})
 
 
-def make_specular(features: Features, PathState: type, lights: SimpleNamespace) -> SimpleNamespace:
+def make_specular(
+    features: Features, PathState: type, lights: SimpleNamespace, contributions: SimpleNamespace
+) -> SimpleNamespace:
     """Functions: pass_through, reflect, cross."""
 
     @wp.func
@@ -41,6 +43,7 @@ def make_specular(features: Features, PathState: type, lights: SimpleNamespace) 
     def reflect(scene: SceneView, path: wp.ref[PathState], hit: wp.ref[Hit], frame: Frame, wo: wp.vec3) -> bool:
         """Mirror the path about the shading normal; False where it would enter the surface."""
         leave(scene, path, hit, frame, wp.vec3(-wo[0], -wo[1], wo[2]))
+        contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), False)
         return wp.dot(path.wi, hit.ng) > 0.0
 
     @wp.func
@@ -63,6 +66,7 @@ def make_specular(features: Features, PathState: type, lights: SimpleNamespace) 
                 if not material.thin_walled:
                     path.receiver.absorption = wp.where(hit.is_front, material.absorption, wp.vec3(0.0, 0.0, 0.0))
         leave(scene, path, hit, frame, s.wi)
+        contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), s.is_refracted)
         cosine = wp.dot(path.wi, hit.ng)
         return wp.length_sq(s.wi) > 0.0 and wp.where(s.is_refracted, cosine < 0.0, cosine > 0.0)
 

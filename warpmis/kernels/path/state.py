@@ -54,9 +54,9 @@ class Vertex:
     u_cache: wp.vec3
 
 
-def make_state(Estimate: type, Record: type) -> type:
+def make_state(Estimate: type, Record: type, Scattering: type) -> type:
     """The type PathState. Estimate, Record: what the estimator and learning keep of a path; empty structs for
-    next-event estimation."""
+    next-event estimation. Scattering: of its first vertex, where light is kept apart, else an empty struct."""
 
     @wp.struct
     class PathState:
@@ -91,5 +91,6 @@ def make_state(Estimate: type, Record: type) -> type:
         first_hit: FirstHit
         estimate: Estimate
         record: Record
+        first_scattering: Scattering
 
     return PathState

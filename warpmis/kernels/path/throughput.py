@@ -49,8 +49,9 @@ def make_throughput(features: Features, surface: SimpleNamespace, estimator: Sim
             return False
         scattering = surface.evaluate(vertex.surface, to_local(vertex.frame, path.wi))
         path.pdf = scattering.pdf_solid_angle
-        if wp.static(features.light_response):
+        if wp.static(features.splits_lobes):
             path.receiver.diffuse = scattering.diffuse
+        estimator.contributions.scatter(path, scattering.diffuse, False)
         estimator.keep_densities(path, vertex, scattering)
         path.beta = wp.cw_mul(path.beta, scattering.f_cos)
         if luminance(path.beta) <= 0.0:

@@ -21,6 +21,7 @@ def make_vertex(
     surface: SimpleNamespace,
     lights: SimpleNamespace,
     direct_light: SimpleNamespace,
+    contributions: SimpleNamespace,
 ) -> SimpleNamespace:
     """Functions: random_numbers, prepare, add_delta_light."""
     sampler = make_sampler(features)
@@ -76,7 +77,9 @@ def make_vertex(
     @wp.func
     def add_delta_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         from_light = direct_light.from_delta_light(scene, path.receiver, vertex)
-        path.L += wp.cw_mul(path.beta, from_light.radiance)
+        radiance = wp.cw_mul(path.beta, from_light.radiance)
+        path.L += radiance
+        contributions.light_sample(scene, path, radiance, from_light.diffuse, from_light.light)
         path.shadow_rays += from_light.rays
 
     return SimpleNamespace(random_numbers=random_numbers, prepare=prepare, add_delta_light=add_delta_light)

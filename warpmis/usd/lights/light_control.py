@@ -23,6 +23,17 @@ Vector = NDArray[np.float64]
 # The lights whose emission UsdLuxShapingAPI shapes here: those with a place.
 SHAPED = ("RectLight", "DiskLight", "SphereLight", "CylinderLight")
 
+# Where light groups are authored: our own name, then Karma's, RenderMan's and Arnold's.
+GROUP_ATTRIBUTES = (
+    "warpmis:lightGroup",
+    "inputs:karma:light:lpetag",
+    "karma:light:lpetag",
+    "primvars:ri:attributes:identifier:lpegroup",
+    "ri:attributes:identifier:lpegroup",
+    "inputs:ri:light:lightGroup",
+    "primvars:arnold:aov",
+)
+
 # Largest value of a control, as an angle, an exponent or a factor of radiance: two of them multiply within float32.
 MAX_CONTROL = 1e18
 
@@ -38,8 +49,20 @@ def read_control(prim: Any, matrix: Vector, reading: Reading) -> LightControl:
         picture=read_rect_picture(prim, matrix, reading),
         diffuse=_multiplier(prim, "inputs:diffuse", reading),
         specular=_multiplier(prim, "inputs:specular", reading),
+        group=read_group(prim, reading),
     )
-    return control if control.asks else PLAIN
+    return control if control.asks or control.group else PLAIN
+
+
+def read_group(prim: Any, reading: Reading) -> str:
+    """The key of the light's group, by the first of GROUP_ATTRIBUTES that has one; "" without one."""
+    for name in GROUP_ATTRIBUTES:
+        attribute = prim.GetAttribute(name)
+        value = reading.get(attribute, "") if attribute else ""
+        key = str(value[0] if not isinstance(value, str) and len(value) else value).strip()
+        if value and key:
+            return key
+    return ""
 
 
 def read_rect_picture(prim: Any, matrix: Vector, reading: Reading) -> NDArray[np.float32] | None:
