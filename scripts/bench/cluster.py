@@ -3,8 +3,8 @@
     python scripts/bench/cluster.py [SCENE] [--seconds S] [--workers 1,2] [--json FILE]
 
 One picture of about S seconds with one worker, each worker with one thread: seconds with each number of workers, how
-many times as fast that is as one worker, and what one worker takes longer than a plain render with one thread. The
-pictures must have the same bits. A sequence of frames over the workers likewise, each frame a task.
+many times as fast that is as one worker, and the seconds of a plain render with as many threads, which shows what the
+machine has to give. The pictures must have the same bits. A sequence of frames over the workers, each a task, likewise.
 """
 
 from __future__ import annotations
@@ -66,14 +66,16 @@ def measured(stage: Path, arguments: argparse.Namespace) -> dict[str, Any]:
         with farm_of(f"local:{workers}", whole) as farm:
             timed(stage, config_of(arguments.method, arguments.width, 16), cluster=farm)  # they load kernels
             found, seconds = timed(stage, config, cluster=farm)
-            short = config_of(arguments.method, arguments.width, max(16, spp // FRAMES))
+            short = config_of(arguments.method, arguments.width, max(16, spp // 16))
             frames_by(farm, stage, config_of(arguments.method, arguments.width, 1))
             sequence = frames_by(farm, stage, short)
+        _, threads = timed(stage, RenderConfig(**{**vars(config), "threads": workers}))
         same = bool(np.array_equal(found.image, plain.image) and np.array_equal(found.variance, plain.variance))
-        report["workers"][workers] = {"seconds": seconds, "frames": sequence, "same": same}
+        report["workers"][workers] = {"seconds": seconds, "threads": threads, "frames": sequence, "same": same}
         first = report["workers"][arguments.workers[0]]
         print(
-            f"{workers} workers: {seconds:.1f} s, {first['seconds'] / seconds:.2f} of one; {FRAMES} frames "
+            f"{workers} workers: {seconds:.1f} s, {first['seconds'] / seconds:.2f} of one; a plain render with "
+            f"{workers} threads {threads:.1f} s, {first['threads'] / threads:.2f}; {FRAMES} frames "
             f"{sequence:.1f} s, {first['frames'] / sequence:.2f}; {'same bits' if same else 'OTHER BITS'}",
             flush=True,
         )

@@ -36,6 +36,9 @@ MOST_LOSSES = 20
 TICK = 0.5
 CONNECT_SECONDS = 10
 
+# Rows, how often they were lost, and the worker that has them.
+Pending = tuple[range, int, str]
+
 HINT = "is an extra: pip install warpmis[distributed]"
 
 
@@ -98,10 +101,12 @@ class Farm:
         run.integrator.remote = picture.trace
         run.first_pass, run.growth, run.pass_seconds = FIRST_PASS, GROWTH, PASS_SECONDS
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    def submit(self, function: Callable[..., Any], *arguments: Any, address: str = "") -> Any:
+        """A task, for this worker, or for another one if it is lost; "" for any."""
+        where: dict[str, Any] = {"workers": [address], "allow_other_workers": True} if address else {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of the size of what is sent
-            return self.client.submit(function, *arguments, pure=False)
+            return self.client.submit(function, *arguments, pure=False, **where)
 
     def look_for_lost(self) -> None:
         """One line for each worker that is gone."""
@@ -135,18 +140,17 @@ class Picture:
         if farm.is_local:
             integrator.compiler.wait(integrator.kernels_of(part))  # once, not in every process
         left = list(self._chunks(integrator.rows_of(part), len(samples)))
-        pending: dict[Any, tuple[range, int]] = {}
+        pending: dict[Any, Pending] = {}
         begun = self.run.reporter.tracing_seconds()
         try:
             while left or pending:
                 while left and len(pending) < IN_FLIGHT * farm.workers:
-                    rows = left.pop(0)
-                    pending[self._submit(part, piece, samples, rows)] = rows, 0
+                    self._add(pending, left.pop(0), 0, part, piece, samples)
                 for future in self._done(pending):
-                    rows, losses = pending.pop(future)
+                    rows, losses, _ = pending.pop(future)
                     found = self._result_of(future, losses)
                     if found is None:
-                        pending[self._submit(part, piece, samples, rows)] = rows, losses + 1
+                        self._add(pending, rows, losses + 1, part, piece, samples)
                         continue
                     put(integrator, part, rows, found)
                     advance(found.samples)
@@ -169,7 +173,17 @@ class Picture:
                 yield range(first, first + count)
             first += count
 
-    def _submit(self, part: Round, piece: range, samples: range, rows: range) -> Any:
+    def _add(
+        self, pending: dict[Any, Pending], rows: range, losses: int, part: Round, piece: range, samples: range
+    ) -> None:
+        """Give the rows to the worker that has least to do; Dask would rather send them where the stage is already."""
+        tasks = dict.fromkeys(self.farm.known, 0)
+        for _, _, address in pending.values():
+            tasks[address] = tasks.get(address, 0) + 1
+        address = min(sorted(self.farm.known), key=lambda one: tasks[one], default="")
+        pending[self._submit(part, piece, samples, rows, address)] = rows, losses, address
+
+    def _submit(self, part: Round, piece: range, samples: range, rows: range, address: str) -> Any:
         integrator, span = self.run.integrator, slice(rows.start, rows.stop)
         sums = cluster_worker.sums_in(integrator, part, span)
         is_new = not any(array.any() for one in sums.values() for array in one.values())
@@ -183,7 +197,7 @@ class Picture:
             decisions=cluster_worker.decisions_in(integrator, part, span),
             sums={} if is_new else sums,
         )
-        return self.farm.submit(cluster_worker.trace_rows, self.job, self.common, task)
+        return self.farm.submit(cluster_worker.trace_rows, self.job, self.common, task, address=address)
 
     def _done(self, pending: dict[Any, Any]) -> list[Any]:
         """Those that are through, waiting for one; meanwhile workers may be lost."""
