@@ -61,6 +61,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "auto": {"method": "auto"},
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
     "guided": {"method": "guided"},
+    "guided with AOVs": {"method": "guided", "aov": ("diffuse", "emission"), "cryptomatte": True},
     "auto to a target": {"method": "auto", "target_error": 0.1, "spp": 128},
 }
 
@@ -74,7 +75,12 @@ def test_the_bits_of_one_machine(farm: Farm, settings: dict[str, Any]) -> None:
 
 def pids(farm: Farm) -> list[int]:
     """Of the workers' processes; one that is being started anew is waited for."""
-    farm.client.wait_for_workers(2, timeout=60)
+    until = time.monotonic() + 60.0
+    farm.look_for_lost()
+    while len(farm.known) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.2)
+        farm.look_for_lost()
     return list(farm.client.run(os.getpid).values())
 
 
@@ -147,7 +153,7 @@ def test_workers_read_the_stage_by_its_path_or_get_it(farm: Farm, monkeypatch: p
 def test_another_version_is_refused(farm: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "program_fingerprint", lambda: "another")
     with pytest.raises(warpmis.WarpmisError, match="another version"):
-        Farm(farm.client, is_local=True, ships=False, tell=lambda line: None)
+        Farm(farm.client, ships=False, tell=lambda line: None)
 
 
 def test_frames_are_tasks_and_leave_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

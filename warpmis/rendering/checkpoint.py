@@ -20,6 +20,7 @@ from warpmis.errors import ConfigError, WarpmisError
 from warpmis.learn.schedule import schedule
 from warpmis.output.atomic import check_target
 from warpmis.output.bundle import read_bundle, write_bundle
+from warpmis.output.cryptomatte import Coverage
 from warpmis.rendering.fingerprint import array_fingerprint, file_fingerprint, program_fingerprint, scene_fingerprint
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.run import Run
@@ -151,11 +152,13 @@ class Checkpoint:
     def result(self, part: str) -> RenderResult | None:
         """Of a part of the picture that is over."""
         found = self.picture["results"].get(part)
-        return None if found is None else RenderResult(**found)
+        if found is None:
+            return None
+        return RenderResult(**{**found, "cryptomatte": tuple(Coverage(**one) for one in found["cryptomatte"])})
 
     def keep(self, part: str, result: RenderResult) -> None:
         """A part is over, and another one begins."""
-        self.picture["results"][part] = dict(vars(result))
+        self.picture["results"][part] = vars(result) | {"cryptomatte": [vars(one) for one in result.cryptomatte]}
         self.picture["state"] = None
         self._write()
 

@@ -7,6 +7,7 @@ taken. So the picture has the bits of one machine, whatever worker did what, and
 from __future__ import annotations
 
 import logging
+import time
 import uuid
 import warnings
 from collections.abc import Callable, Iterator
@@ -35,6 +36,9 @@ FIRST_PASS, GROWTH, PASS_SECONDS = 16, 8, 60.0
 MOST_LOSSES = 20
 TICK = 0.5
 CONNECT_SECONDS = 10
+# A process of this machine that is not back after so long is started anew; without any worker we give up [s].
+RESTART_SECONDS = 20.0
+PATIENCE = 120.0
 
 # Rows, how often they were lost, and the worker that has them.
 Pending = tuple[range, int, str]
@@ -52,9 +56,13 @@ class Farm:
         lost: how many workers were lost.
     """
 
-    def __init__(self, client: Any, *, is_local: bool, ships: bool, tell: Callable[[str], None]) -> None:
+    def __init__(self, client: Any, *, local: Any = None, ships: bool, tell: Callable[[str], None]) -> None:
+        """local: the LocalCluster, if these are processes of this machine."""
         self.client = client
-        self.is_local = is_local
+        self.local = local
+        self.is_local = local is not None
+        self.most = 0
+        self.complete = time.monotonic()  # when there were as many workers as ever
         self.ships = ships
         self.tell = tell
         self.source: tuple[str, dict[str, Any]] | None = None
@@ -109,12 +117,25 @@ class Farm:
             return self.client.submit(function, *arguments, pure=False, **where)
 
     def look_for_lost(self) -> None:
-        """One line for each worker that is gone."""
+        """One line for each worker that is gone; a new process in its place, where Dask does not start one.
+
+        Raises:
+            WarpmisError: there has been no worker for a while.
+        """
         present = self._workers()
         for address in self.known - present:
             self.lost += 1
             self.tell(f"a worker is lost ({address}): others do its tasks")
         self.known = present
+        self.most = max(self.most, len(present))
+        if len(present) == self.most:
+            self.complete = time.monotonic()
+        missing_for = time.monotonic() - self.complete
+        if self.local is not None and missing_for > RESTART_SECONDS:
+            self.local.scale(len(self.local.worker_spec) + self.most - len(present))
+            self.complete = time.monotonic()
+        elif not present and missing_for > PATIENCE:
+            raise WarpmisError(f"the cluster has had no worker for {PATIENCE:.0f} s: start some, and render again")
 
 
 class Picture:
@@ -266,14 +287,14 @@ def farm_of(
     _require_distributed()
     say = tell or (lambda line: None)
     if not isinstance(cluster, str):
-        yield Farm(cluster, is_local=False, ships=ship_stage, tell=say)
+        yield Farm(cluster, ships=ship_stage, tell=say)
         return
     is_local = cluster.startswith("local:")
     with (
         _quiet(),
         _local(cluster.removeprefix("local:"), config) if is_local else _remote(cluster) as client,
     ):
-        yield Farm(client, is_local=is_local, ships=ship_stage, tell=say)
+        yield Farm(client, local=client.cluster if is_local else None, ships=ship_stage, tell=say)
 
 
 def _require_distributed() -> None:

@@ -75,6 +75,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
     "guided": {"method": "guided"},
     "guided to a target": {"method": "guided", "target_error": 0.05, "spp": 512},
+    "guided with AOVs": {"method": "guided", "aov": ("diffuse", "emission"), "cryptomatte": True},
     "auto to a target": {"method": "auto", "target_error": 0.05, "spp": 512},
 }
 
@@ -108,7 +109,10 @@ def Camera "Camera" {
 
 
 def test_times_within_the_shutter(tmp_path: Path) -> None:
-    stage, settings = tmp_path / "sky.usda", {"width": 8, "spp": 90, "method": "nee", "shutter_samples": 3}
+    stage, settings = (
+        tmp_path / "sky.usda",
+        {"width": 8, "spp": 90, "method": "nee", "shutter_samples": 3, "cryptomatte": True},
+    )
     stage.write_text(SKY)
     file = tmp_path / "a.ckpt"
     found, interrupts = resumed(lambda **more: warpmis.render(stage, **settings, **more), file)
