@@ -1,6 +1,7 @@
 """What denoising gains, whether it ever loses, and whether the estimate of its error is right:
 
     python scripts/bench/denoise.py [SCENE ...] [--spp 4 16 64 256] [--seeds 3] [--json FILE]
+    python scripts/bench/denoise.py --full-size      seconds and memory at 1920 x 1080 pixels, nothing else
 
 A scene is a folder of usd_scenes or the path of a stage. All figures are relMSE (warpmis/film/metrics.py). The squared
 error is (x - R0).(x - R1) with two independent references, so that their noise does not enter it.
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import time
 from pathlib import Path
 
@@ -24,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
-from warpmis.film.denoise import TILE, dot, tile_means
+from warpmis.film.denoise import TILE, Half, denoise, dot, tile_means
 from warpmis.film.metrics import OUTLIERS, squared_scale
+from warpmis.film.oidn import filter_with_oidn
 
 USD_SCENES = Path(__file__).parents[2] / "usd_scenes"
 SCENES = ("cornell_box", "veach_plates", "open_terrace", "ajar_door")
@@ -82,6 +85,22 @@ def measure(scene: warpmis.Scene, reference: Reference, spp: int, seeds: int) ->
     }
 
 
+def measure_full_size(width: int = 1920, height: int = 1080) -> None:
+    """A ramp with noise: what OIDN takes does not depend on the picture."""
+    rng = np.random.default_rng(0)
+    ramp = np.broadcast_to(np.linspace(0.1, 1.0, width, dtype=np.float32)[None, :, None], (height, width, 3))
+    flat = np.full((height, width, 3), 0.5, np.float32)
+    halves = [Half(ramp * rng.gamma(16.0, 1.0 / 16.0, ramp.shape).astype(np.float32), flat, flat) for _ in range(2)]
+    before = resource.getrusage(resource.RUSAGE_SELF)
+    start = time.perf_counter()
+    denoise(halves[0], halves[1], filter_with_oidn)
+    seconds = time.perf_counter() - start
+    after = resource.getrusage(resource.RUSAGE_SELF)
+    busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    print(f"{width} x {height}: {seconds:.1f} s, {busy:.1f} CPU s, peak {after.ru_maxrss / 2**20:.2f} GiB")
+    print(f"(peak before: {before.ru_maxrss / 2**20:.2f} GiB)")
+
+
 def stage_of(name: str) -> Path:
     return Path(name) if Path(name).exists() else USD_SCENES / name / "scene.usda"
 
@@ -93,8 +112,12 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=160)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--reference-spp", type=int, default=1024)
+    parser.add_argument("--full-size", action="store_true", help="measure time and memory at 1920 x 1080 alone")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    if arguments.full_size:
+        measure_full_size()
+        return
     report: dict[str, list[Row]] = {}
     print(f"tiles of {TILE} x {TILE} pixels, {arguments.width} pixels wide")
     for name in arguments.scenes:

@@ -21,6 +21,9 @@ from warpmis.rendering.stats import DenoiseStats
 # The second half's seed is the first one's and this: as many bits differ as chance would have it.
 SEED_STEP = 2246822519
 
+# Which of the two pictures a target error is for.
+TARGET_NOTE = "the target error is the noisy picture's, not the denoised one's, which has a bound of its own"
+
 RenderOne = Callable[[RenderConfig, ProgressCallback | None, CheckpointPart | None], RenderResult]
 
 
@@ -85,7 +88,8 @@ def _noisy(results: list[RenderResult], config: RenderConfig) -> RenderResult:
     settings = mean.settings.copy()
     settings["denoise"] = True
     settings["target_error"] = config.target_error
-    return dataclasses.replace(mean, settings=settings)
+    notes = (*mean.notes, TARGET_NOTE) if config.target_error is not None else mean.notes
+    return dataclasses.replace(mean, settings=settings, notes=notes)
 
 
 def _stats(denoised: Denoised, seconds: float) -> DenoiseStats:
