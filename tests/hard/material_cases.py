@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from hard.case import HardCase
 from hard.parts import RHO, SKY, bound, box, camera, floor, grey, light, material, mesh, stage
 
@@ -25,34 +24,10 @@ def card(view: str, look: str, *parts: str, color: float | None = None) -> Calla
     return lambda: stage(floor(color=color, more=bound()), look, view, SKY, *parts)
 
 
-def ggx_albedo(roughness: float, cos_o: float, side: int = 2048) -> float:
-    """What a lobe with Fresnel term 1 reflects in all, by a float64 quadrature over slopes of microfacets:
-
-    E = mean of G1(wo) G1(wi) (wo . h) / (cos(wo) cos(h)),  |slope| = alpha sqrt(q / (1 - q)),  q uniform in [0, 1)
-
-    for D(h) cos(h) dh is the slopes' distribution (Walter et al. 2007; Heitz 2014, "Understanding the Masking-Shadowing
-    Function in Microfacet-Based BRDFs", equation 11). With q = 1 - t^2 nothing is infinite at the steep end.
-    """
-    alpha = roughness**2
-    t, phi = np.meshgrid((np.arange(side) + 0.5) / side, 2.0 * np.pi * (np.arange(side) + 0.5) / side, indexing="ij")
-    slope = alpha * np.sqrt(1.0 - t**2) / t
-    cos_h = 1.0 / np.sqrt(1.0 + slope**2)
-    sin_o = math.sqrt(1.0 - cos_o**2)
-    o_dot_h = (slope * np.cos(phi) * sin_o + cos_o) * cos_h
-    cos_i = np.clip(2.0 * o_dot_h * cos_h - cos_o, -1.0, 1.0)
-
-    def g1(cosine: Any) -> Any:
-        tan2 = (1.0 - cosine**2) / np.maximum(cosine, 1e-12) ** 2
-        return 2.0 / (1.0 + np.sqrt(1.0 + alpha**2 * tan2))
-
-    share = np.where((o_dot_h > 0.0) & (cos_i > 0.0), g1(cos_o) * g1(cos_i) * o_dot_h / (cos_o * cos_h), 0.0)
-    return float((share * 2.0 * t).mean())
-
-
 def metal_case(roughness: float, grazing: bool) -> HardCase:
-    """A white metal in a white world. A mirror is invisible; a rough one is as bright as masking leaves it."""
+    """A white metal in a white world is invisible, however rough: what masking loses is brought back."""
     smooth = roughness**2 < 1e-3
-    seen, cos_o = (GRAZING, math.sin(math.atan(GRAZING_SLOPE))) if grazing else (camera(), math.sqrt(0.5))
+    seen = GRAZING if grazing else camera()
     return HardCase(
         f"white-metal-of-roughness-{roughness:g}{'-grazing' if grazing else ''}",
         trouble=(
@@ -66,7 +41,7 @@ def metal_case(roughness: float, grazing: bool) -> HardCase:
             else "D by slopes, visible normals (Heitz 2018), no density where there is no sample"
         ),
         build=card(seen, material(diffuseColor=1.0, metallic=1.0, roughness=roughness)),
-        mean=grey(1.0 if smooth else ggx_albedo(roughness, cos_o)),
+        mean=grey(1.0),
         settings={"max_depth": 1, "spp": 256},
     )
 
@@ -87,7 +62,7 @@ def bright_box(depth: int) -> Callable[[], Scene]:
 
 
 LAYERS = "the layers add up to more than falls on them"
-SYMMETRIC = "what lies below a lobe is dimmed by what that lobe reflects, both ways (kernels/bsdf/surface.py)"
+LEFT_OVER = "what lies below a lobe gets what that lobe does not reflect in all (kernels/bsdf/albedo.py)"
 
 MATERIAL_CASES = [
     *(metal_case(roughness, grazing) for grazing in (False, True) for roughness in ROUGHNESSES),
@@ -102,8 +77,9 @@ MATERIAL_CASES = [
     HardCase(
         "black-metal",
         trouble="the lobe is there with a reflectance of 0 at normal incidence",
-        remedy="Schlick's term alone is left of it: finite, at most 1",
+        remedy="F90 goes to 0 with F0: nothing is left (Lagarde and de Rousiers 2014)",
         build=card(camera(), material(diffuseColor=0.0, metallic=1.0, roughness=0.3)),
+        mean=grey(0.0),
         settings={"max_depth": 1},
     ),
     HardCase(
@@ -126,7 +102,7 @@ MATERIAL_CASES = [
         HardCase(
             f"clearcoat-over-{name}",
             trouble=LAYERS,
-            remedy=SYMMETRIC,
+            remedy=LEFT_OVER,
             build=card(camera(), material(diffuseColor=1.0, clearcoat=1.0, clearcoatRoughness=0.4, **below)),
             settings={"max_depth": 1},
         )
@@ -139,7 +115,7 @@ MATERIAL_CASES = [
     HardCase(
         "smooth-coat-over-mirror",
         trouble=LAYERS,
-        remedy="either mirror is chosen by its albedo, the two together 1 - 2 C + 2 C^2 (kernels/bsdf/events.py)",
+        remedy="either mirror is chosen by its albedo; they add up to 1 (kernels/bsdf/events.py)",
         build=card(
             camera(),
             material(diffuseColor=1.0, metallic=1.0, roughness=0.0, clearcoat=1.0, clearcoatRoughness=0.0),

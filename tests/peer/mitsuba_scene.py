@@ -151,7 +151,7 @@ def triangle_mesh(geometry: Geometry, chosen: NDArray[Any], props: Any, *, smoot
 
 
 def bsdf(material: Material) -> dict[str, Any]:
-    """The material's reflection, if Mitsuba has it exactly."""
+    """The material's reflection, if Mitsuba has it exactly, but for the compensation of multiple scattering."""
     if material.lambertian:
         return {"type": "twosided", "reflectance": {"type": "diffuse", "reflectance": color(material.diffuse_color)}}
     if material.transmission > 0.0:

@@ -79,7 +79,7 @@ def draw(
         vertex.u_bsdf[0] = vertex.u_light[0]
     r = lights.receiver(scene, x, n, 0, vertex.u_light[0], vertex.u_light[1])
     vertex.frame = frame_from_normal(n)
-    vertex.surface = surface.prepare(scene.materials[2 * material], wo)
+    vertex.surface = surface.prepare(scene, scene.materials[2 * material], wo)
     if strategy != LOOK:
         wis[i] = strategies.sample(scene, r, vertex, d.strategy).wi
     wi = wis[i]

@@ -23,6 +23,7 @@ from stats import (
     z_test,
 )
 
+from warpmis.device.albedo import COLUMNS, ROWS, albedo_table
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
@@ -74,11 +75,11 @@ def probe(
     p = Probe()
     if mode == EVENT:
         # Equally spaced numbers: the mean over the launch is the expectation.
-        event = events.choose(m, wo[2], (float(i) + 0.5) / float(out.shape[0]))
+        event = events.choose(scene, m, wo[2], (float(i) + 0.5) / float(out.shape[0]))
         p.kind = event.kind
         p.weight = event.weight
     else:
-        s = surface.prepare(m, wo)
+        s = surface.prepare(scene, m, wo)
         if mode == SAMPLE:
             key = rng.RngKey()
             key.seed = wp.uint32(seed)
@@ -131,6 +132,10 @@ MATERIALS: dict[str, Material] = {
     "coated_window": Material(diffuse_color=WHITE, roughness=0.0, opacity=0.2, clearcoat=0.8, ior=2.0),
     "mirror_veil": Material(diffuse_color=GOLD, metallic=1.0, roughness=0.0, opacity=0.5, opacity_mode="presence"),
     "black": Material(lambertian=True, diffuse_color=BLACK),
+    "matt": Material(use_specular_workflow=True, specular_color=BLACK, diffuse_color=WHITE, roughness=0.5),
+    "coated_white": Material(
+        diffuse_color=WHITE, metallic=1.0, roughness=0.5, clearcoat=1.0, clearcoat_roughness=0.5, ior=2.0
+    ),
 }
 NAMES = list(MATERIALS)
 COSINES = (0.98, 0.6, 0.25, 0.05)
@@ -236,21 +241,53 @@ def test_mean_of_the_samples_weights_is_the_albedo(name: str, cos_theta: float) 
         assert detectable_bias(error, SIGNIFICANCE / 3) < DETECTABLE_BIAS * exact[channel]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_scattering_is_reciprocal(name: str) -> None:
-    """f(wo, wi) = f(wi, wo), for random pairs and for pairs near mirror directions."""
+def random_pairs() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Pairs of directions, half of them near mirror directions of each other."""
     random = np.random.default_rng(1)
     count = 20_000
     wo, wi = random.normal(size=(2, count, 3))
     near = count // 2
     wi[:near] = wo[:near] * [-1.0, -1.0, 1.0] + 0.05 * random.normal(size=(near, 3))
     wo[:, 2], wi[:, 2] = np.abs(wo[:, 2]) + 1e-2, np.abs(wi[:, 2]) + 1e-2
-    wo = (wo / np.linalg.norm(wo, axis=1)[:, None]).astype(np.float32)
-    wi = (wi / np.linalg.norm(wi, axis=1)[:, None]).astype(np.float32)
+    unit = (w / np.linalg.norm(w, axis=1)[:, None] for w in (wo, wi))
+    return next(unit).astype(np.float32), next(unit).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", ["lambert", "no_interface", "smooth_plastic", "lambert_veil"])
+def test_matt_surfaces_scatter_reciprocally_below_smooth_interfaces(name: str) -> None:
+    """f(wo, wi) = f(wi, wo)."""
+    wo, wi = random_pairs()
     there = run(name, EVALUATE, wo, wi)[1]["f_cos"] / wi[:, 2:]
     back = run(name, EVALUATE, wi, wo)[1]["f_cos"] / wo[:, 2:]
     np.testing.assert_allclose(there, back, rtol=1e-3, atol=1e-6)
-    assert there.any() == (name not in ("black", "mirror", "mirror_veil", "window"))
+    assert there.any()
+
+
+@pytest.mark.parametrize("name", ["ggx_0.1", "ggx_0.3", "ggx_0.6", "ggx_1.0"])
+def test_lobes_scatter_reciprocally_but_for_the_compensation_of_the_view(name: str) -> None:
+    """f(wo, wi) E(wo) = f(wi, wo) E(wi): what multiple scattering adds depends on wo alone (Turquin 2019)."""
+    roughness = MATERIALS[name].roughness
+    wo, wi = random_pairs()
+    there = run(name, EVALUATE, wo, wi)[1]["f_cos"] / wi[:, 2:] * masked(roughness, wo)
+    back = run(name, EVALUATE, wi, wo)[1]["f_cos"] / wo[:, 2:] * masked(roughness, wi)
+    np.testing.assert_allclose(there, back, rtol=1e-3, atol=1e-6)
+    assert there.any()
+
+
+def masked(roughness: Any, w: NDArray[np.float32]) -> NDArray[np.float64]:
+    """What a white lobe reflects in all without compensation, shape (n, 1)."""
+    return white_albedo(roughness, w[:, 2])[:, :1]
+
+
+def white_albedo(roughness: Any, cosines: NDArray[Any]) -> NDArray[np.float64]:
+    """The table's E and B between its entries, in NumPy, shape (n, 2)."""
+    row = np.clip(np.sqrt(roughness) * (ROWS - 1), 0.0, ROWS - 1.0001)
+    column = np.clip(np.sqrt(cosines) * (COLUMNS - 1), 0.0, COLUMNS - 1.0001)
+    r, c = int(row), column.astype(int)
+    table = albedo_table().astype(float)
+    low, high = (table[i, c] + (table[i, c + 1] - table[i, c]) * (column - c)[:, None] for i in (r, r + 1))
+    albedos: NDArray[np.float64] = low + (high - low) * (row - r)
+    return albedos
 
 
 def test_nothing_is_scattered_below_the_surface() -> None:
@@ -266,12 +303,37 @@ def test_white_lambert_reflects_exactly_what_arrives(cos_theta: float) -> None:
     np.testing.assert_allclose(albedo("lambert", cos_theta), 1.0, atol=5e-4)
 
 
-@pytest.mark.parametrize("cos_theta", COSINES)
+@pytest.mark.parametrize("cos_theta", (*COSINES, 0.01))
 @pytest.mark.parametrize("roughness", [0.1, 0.3, 0.6, 1.0])
-def test_ggx_loses_only_what_its_masking_takes(roughness: float, cos_theta: float) -> None:
+def test_white_metal_reflects_exactly_what_arrives(roughness: float, cos_theta: float) -> None:
+    """White furnace: single scattering by Walter et al. (2007), and what masking loses brought back."""
+    np.testing.assert_allclose(albedo(f"ggx_{roughness}", cos_theta), 1.0, atol=6e-3)
+
+
+@pytest.mark.parametrize("cos_theta", (*COSINES, 0.01))
+@pytest.mark.parametrize("name", ["plastic", "no_interface", "bare_plastic", "coated_plastic", "coated_white"])
+def test_white_layers_reflect_exactly_what_arrives(name: str, cos_theta: float) -> None:
+    """What a lobe or a coat does not reflect reaches a white base, and comes back."""
+    np.testing.assert_allclose(albedo(name, cos_theta), 1.0, atol=4e-3)
+
+
+def test_a_specular_color_of_0_is_purely_matt() -> None:
+    wi = random_pairs()[1]
+    for cos_theta in COSINES:
+        matt = evaluate("lambert", cos_theta, wi)["f_cos"]
+        np.testing.assert_allclose(evaluate("matt", cos_theta, wi)["f_cos"], matt, rtol=1e-6)
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.6, 1.0])
+def test_the_table_is_the_lobes_albedo(roughness: float) -> None:
     """Against Walter et al. (2007), equations 33 and 34, in float64 over microfacet normals, not over directions."""
-    alpha = roughness**2
-    wo = outgoing(cos_theta)
+    cosines = np.array(COSINES)
+    w = np.stack([np.sqrt(1.0 - cosines**2), np.zeros(len(cosines)), cosines], axis=-1).astype(np.float32)
+    exact = [masking_albedo(roughness**2, outgoing(cos_theta)) for cos_theta in COSINES]
+    np.testing.assert_allclose(masked(roughness, w)[:, 0], exact, rtol=4e-3)
+
+
+def masking_albedo(alpha: float, wo: NDArray[Any]) -> float:
     # tan(theta_h) = alpha tan(t), with equal steps of t: the steps follow the distribution.
     t = (np.arange(2000) + 0.5) / 2000 * (np.pi / 2)
     phi = (np.arange(400) + 0.5) / 400 * 2.0 * np.pi
@@ -288,32 +350,39 @@ def test_ggx_loses_only_what_its_masking_takes(roughness: float, cos_theta: floa
     projected = np.maximum(np.tensordot(wo, h, 1), 0.0)
     wi_z = 2.0 * projected * cos_h - wo[2]
     d_h = np.sin(theta)[:, None] * d_theta[:, None] * (2.0 * np.pi / 400)
-    exact = float((d * g1(wo[2]) * g1(wi_z) * projected / wo[2] * d_h).sum())
-    assert 0.3 < exact < 1.0
-    np.testing.assert_allclose(albedo(f"ggx_{roughness}", cos_theta), exact, rtol=5e-3)
+    return float((d * g1(wo[2]) * g1(wi_z) * projected / wo[2] * d_h).sum())
 
 
 # What the specification makes of a material, in NumPy.
 
 
-def fresnel(material: Material, cos_theta: float) -> tuple[NDArray[np.float64], float]:
-    """Reflectances of the base and of the coat."""
+def lobe_albedo(f0: NDArray[np.float64], roughness: Any, cos_theta: float, is_compensated: bool) -> NDArray[np.float64]:
+    """What a lobe of reflectance f0 reflects in all."""
+    white, grazing = white_albedo(roughness, np.array([cos_theta]))[0]
+    if is_smooth(roughness):
+        white, grazing = 1.0, (1.0 - cos_theta) ** 5
+    found = f0 * (white - grazing) + min(50.0 * f0.max(), 1.0) * grazing
+    return found * (1.0 + f0 * (1.0 - white) / white) if is_compensated else found
+
+
+def albedos(material: Material, cos_theta: float) -> tuple[NDArray[np.float64], float]:
+    """What the base's lobe and the coat reflect."""
     f0 = ((1.0 - material.ior) / (1.0 + material.ior)) ** 2
-    m5 = (1.0 - cos_theta) ** 5
     base = np.full(3, f0) * (1.0 - material.metallic) + np.array(material.diffuse_color) * material.metallic
     if material.use_specular_workflow:
         base = np.array(material.specular_color)
     if material.lambertian:
         return np.zeros(3), 0.0
-    return base + (1.0 - base) * m5, material.clearcoat * (f0 + (1.0 - f0) * m5)
+    coat = lobe_albedo(np.array([f0]), material.clearcoat_roughness, cos_theta, False)[0]
+    return lobe_albedo(base, material.roughness, cos_theta, True), material.clearcoat * coat
 
 
 def analytic_shares(material: Material, cos_theta: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Passed straight through, reflected as by mirrors, and the factor on the remaining scattering."""
-    base, coat = fresnel(material, cos_theta)
+    base, coat = albedos(material, cos_theta)
     smooth_base = 0.0 if material.lambertian or not is_smooth(material.roughness) else 1.0
     smooth_coat = 1.0 if is_smooth(material.clearcoat_roughness) else 0.0
-    mirror = smooth_base * base * (1.0 - coat) ** 2 + smooth_coat * coat
+    mirror = smooth_base * base * (1.0 - coat) + smooth_coat * coat
     if material.lambertian or material.opacity_mode == "presence":
         return np.full(3, 1.0 - material.opacity), material.opacity * mirror, material.opacity
     return (1.0 - material.opacity) * (1.0 - base) * (1.0 - coat), mirror, 1.0
@@ -348,25 +417,25 @@ def test_no_material_creates_energy(name: str) -> None:
         through, mirror, rest = expected_events(name, cos_theta)
         scattered = albedo(name, cos_theta) * rest
         total = through + mirror + scattered
-        assert (total <= 1.0 + 1e-3).all(), (cos_theta, total)
+        # The albedos are interpolated from a table.
+        assert (total <= 1.0 + 2e-3).all(), (cos_theta, total)
         if name != "black":
             assert total.max() > 0.03
 
 
-def test_lobes_below_a_smooth_coat_are_dimmed_by_its_reflectance() -> None:
-    """f = (1 - C(wo)) (1 - C(wi)) times the base's, for a coat that is itself a mirror."""
-    coated = MATERIALS["smooth_coat"]
+def test_lobes_below_a_coat_get_what_it_leaves_over() -> None:
+    """f = (1 - E_c(wo)) times the base's; below the base's own lobe, the matt one as a smooth interface shapes it."""
+    coated, bare = MATERIALS["smooth_coat"], MATERIALS["bare_plastic"]
     assert is_smooth(coated.clearcoat_roughness)
-    wi = np.random.default_rng(2).normal(size=(1000, 3))
-    wi[:, 2] = np.abs(wi[:, 2])
-    wi = (wi / np.linalg.norm(wi, axis=1)[:, None]).astype(np.float32)
+    wi = random_pairs()[1]
     for cos_theta in COSINES:
-        below = (1.0 - fresnel(coated, cos_theta)[1]) * (1.0 - fresnel(coated, wi[:, 2:].astype(float))[1])
-        bare = evaluate("bare_plastic", cos_theta, wi)["f_cos"]
-        assert (below < 0.97).all()
-        np.testing.assert_allclose(evaluate("smooth_coat", cos_theta, wi)["f_cos"], bare * below, rtol=1e-4)
-    # And the diffuse part below the base's own lobe by the base's.
-    specular = evaluate("bare_specular", 0.6, wi)["f_cos"]
-    through = (1.0 - fresnel(coated, 0.6)[0]) * (1.0 - fresnel(coated, wi[:, 2:].astype(float))[0])
-    diffuse = through * wi[:, 2:] / np.pi
-    np.testing.assert_allclose(evaluate("bare_plastic", 0.6, wi)["f_cos"] - specular, diffuse, rtol=1e-3, atol=1e-5)
+        below = 1.0 - albedos(coated, cos_theta)[1]
+        assert below < 0.97
+        base = evaluate("bare_plastic", cos_theta, wi)["f_cos"]
+        np.testing.assert_allclose(evaluate("smooth_coat", cos_theta, wi)["f_cos"], base * below, rtol=1e-4)
+        specular = evaluate("bare_specular", cos_theta, wi)["f_cos"]
+        f0, m5 = 0.04, (1.0 - wi[:, 2:].astype(float)) ** 5
+        shape = (1.0 - f0 - (1.0 - f0) * m5) / (1.0 - f0 - (1.0 - f0) / 21.0)
+        matt = (1.0 - albedos(bare, cos_theta)[0]) * shape * wi[:, 2:] / np.pi
+        # The lobe is subtracted from a sum in float32.
+        np.testing.assert_allclose(base - specular, matt, rtol=2e-3, atol=2e-5 * (1.0 + specular.max()))

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpmis.device.albedo import albedo_table
 from warpmis.device.views import (
     BLACK,
     BLOCK,
@@ -223,6 +224,7 @@ def upload_materials(
         primvars: of the triangles, shape (F, 3, P); places: of the instances, shape (K, P), or (0, P) for none.
     """
     view.materials = wp.array(tables.materials, dtype=MaterialView)
+    view.albedos = wp.array(albedo_table(), dtype=wp.vec2)
     if not tables.inputs:
         return None
     varying = VaryingView()

@@ -326,6 +326,7 @@ class SceneView:
     mesh: on a GPU, the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with
     points and normals in their own spaces. tree: on a CPU, of the same meshes; root: the node at which that of the
     triangles in world space begins. instance_bvh: over the boxes of `instances`, of which there may be none.
+    albedos: of a GGX lobe (device/albedo.py).
     lights: first those at a distance, finite_light_count of them, then those at infinity; the first
     analytic_light_count are no mesh lights. emitter_triangles: the mesh lights' triangles; emitter_lights: the light of
     each; emitter_cdf: the cumulative share of that light's area. light_tree: of many lights,
@@ -348,6 +349,7 @@ class SceneView:
     normals: wp.array(dtype=wp.vec3)
     triangles: wp.array(dtype=TriangleView)
     materials: wp.array(dtype=MaterialView)
+    albedos: wp.array2d(dtype=wp.vec2)
     varying: wp.array(dtype=VaryingView)
     lights: wp.array(dtype=LightView)
     light_count: int

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import FLAT, MaterialView, SceneView
+from warpmis.kernels.bsdf.albedo import coat_albedo, lobe_albedo, white_albedo
 from warpmis.kernels.bsdf.dielectric import is_clear_pane, pane_transmittance
-from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
 from warpmis.kernels.hit import NO_INSTANCE, Hit, make_hit
 from warpmis.kernels.instances import make_instances, normal_to_world
 from warpmis.kernels.material import make_material
@@ -68,7 +68,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
         return frame_from_normal(n)
 
     @wp.func
-    def transparency(material: MaterialView, cos_theta: float) -> wp.vec3:
+    def transparency(scene: SceneView, material: MaterialView, cos_theta: float) -> wp.vec3:
         """Share of the light that goes straight through a surface.
 
         In UsdPreviewSurface's opacityMode "transparent" the specular lobes reflect first, "presence" cuts them too.
@@ -76,9 +76,11 @@ def make_intersect(features: Features) -> SimpleNamespace:
         share = wp.vec3(1.0, 1.0, 1.0) * (1.0 - material.opacity)
         if wp.static(features.specular):
             if not material.opacity_is_presence:
-                f = schlick(material.specular_f0, cos_theta)
-                share = wp.cw_mul(share, wp.vec3(1.0, 1.0, 1.0) - f)
-                share = share * (1.0 - material.coat * schlick_scalar(material.coat_f0, cos_theta))
+                white = white_albedo(scene.albedos, cos_theta, material.alpha)
+                share = wp.cw_mul(share, wp.vec3(1.0, 1.0, 1.0) - lobe_albedo(material.specular_f0, white))
+                if wp.static(features.clearcoat):
+                    f0, alpha = material.coat_f0, material.coat_alpha
+                    share = share * (1.0 - coat_albedo(scene.albedos, material.coat, f0, alpha, cos_theta))
         if wp.static(features.transmission):
             if is_clear_pane(material):
                 share += pane_transmittance(material, cos_theta) * material.opacity
@@ -140,7 +142,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
                     return wp.vec3(0.0, 0.0, 0.0)
                 material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
                 cos_theta = to_local(shading_frame(scene, hit, material, wi), -wi)[2]
-                share = wp.cw_mul(share, transparency(material, cos_theta))
+                share = wp.cw_mul(share, transparency(scene, material, cos_theta))
                 if luminance(share) <= 0.0:
                     return share
             remaining -= hit.distance

@@ -42,7 +42,7 @@ FUNCTIONS = {
     "light_response": ("make_control__locals__response",),
     "light_links": ("make_control__locals__factor",),
     "shadow_links": ("make_intersect__locals__has_shadow_link",),
-    "clearcoat": ("make_surface__locals__coat_transmittance",),
+    "clearcoat": ("coat_albedo",),
     "smooth": ("make_events__locals__choose",),
     "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
     "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__transparency"),

@@ -10,8 +10,7 @@ Veach (1997), section 5.2, radiance across an interface.
 import warp as wp
 
 from warpmis.device.views import MaterialView
-from warpmis.kernels.bsdf.microfacet import sample_visible_normal, smith_g1
-from warpmis.kernels.bsdf.surface import SMOOTH_ALPHA
+from warpmis.kernels.bsdf.microfacet import SMOOTH_ALPHA, sample_visible_normal, smith_g1
 
 wp.set_module_options({"enable_backward": False})
 

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import MaterialView
+from warpmis.device.views import MaterialView, SceneView
+from warpmis.kernels.bsdf.albedo import coat_albedo, lobe_albedo, white_albedo
 from warpmis.kernels.bsdf.dielectric import fresnel_pane, is_clear_pane
-from warpmis.kernels.bsdf.microfacet import schlick, schlick_scalar
-from warpmis.kernels.bsdf.surface import SMOOTH_ALPHA
+from warpmis.kernels.bsdf.microfacet import SMOOTH_ALPHA
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.shading_frame import luminance
 from warpmis.scene.features import Features
@@ -53,12 +53,12 @@ def make_events(features: Features, transparency: wp.Function) -> SimpleNamespac
     """Event functions: choose. transparency: intersect's share of light that goes straight through."""
 
     @wp.func
-    def albedos(material: MaterialView, cos_theta: float) -> Albedos:
+    def albedos(scene: SceneView, material: MaterialView, cos_theta: float) -> Albedos:
         a = Albedos()
         a.present = 1.0
         a.rest = luminance(material.diffuse)
         if wp.static(features.opacity):
-            a.through = transparency(material, cos_theta)
+            a.through = transparency(scene, material, cos_theta)
             if material.opacity_is_presence:
                 a.present = material.opacity
             else:
@@ -71,13 +71,14 @@ def make_events(features: Features, transparency: wp.Function) -> SimpleNamespac
         if wp.static(features.specular):
             below = float(1.0)
             if wp.static(features.clearcoat):
-                a.coat = material.coat * schlick_scalar(material.coat_f0, cos_theta)
-                below = (1.0 - a.coat) * (1.0 - a.coat)
+                a.coat = coat_albedo(scene.albedos, material.coat, material.coat_f0, material.coat_alpha, cos_theta)
+                below = 1.0 - a.coat
                 if material.coat_alpha >= SMOOTH_ALPHA:
                     a.rest = a.rest + a.coat
                     a.coat = 0.0
             if material.has_specular:
-                a.base = schlick(material.specular_f0, cos_theta) * below
+                white = white_albedo(scene.albedos, cos_theta, material.alpha)
+                a.base = lobe_albedo(material.specular_f0, white) * below
                 if material.alpha >= SMOOTH_ALPHA:
                     a.rest = a.rest + luminance(a.base)
                     a.base = wp.vec3(0.0, 0.0, 0.0)
@@ -87,9 +88,9 @@ def make_events(features: Features, transparency: wp.Function) -> SimpleNamespac
         return a
 
     @wp.func
-    def choose(material: MaterialView, cos_theta: float, u: float) -> Event:
+    def choose(scene: SceneView, material: MaterialView, cos_theta: float, u: float) -> Event:
         """Choose by the albedo of each: interface, pass, mirror of the base, mirror of the coat, rest."""
-        a = albedos(material, cos_theta)
+        a = albedos(scene, material, cos_theta)
         event = Event()
         w_through = luminance(a.through)
         w_base = luminance(a.base)

@@ -11,20 +11,38 @@ from warpmis.kernels.warps import INV_PI, PI
 
 wp.set_module_options({"enable_backward": False})
 
+# Below it a lobe is a mirror (scene/material.py).
+SMOOTH_ALPHA = wp.constant(1.0e-3)
+
+
+@wp.func
+def grazing_reflectance(f0: float) -> float:
+    """F90, which no lobe of reflectance 0 has. No real interface reflects less than 2 %, so a lower F0 means that
+    there is to be none. Reference: Lagarde and de Rousiers (2014), "Moving Frostbite to PBR", section 3.1."""
+    return wp.min(50.0 * f0, 1.0)
+
 
 @wp.func
 def schlick(f0: wp.vec3, cos_theta: float) -> wp.vec3:
-    """Fresnel reflectance with F90 = 1. Reference: Schlick (1994)."""
+    """Fresnel reflectance, of one F90 for all colours. Reference: Schlick (1994)."""
     m = wp.clamp(1.0 - cos_theta, 0.0, 1.0)
     m2 = m * m
-    return f0 + (wp.vec3(1.0, 1.0, 1.0) - f0) * (m2 * m2 * m)
+    f90 = grazing_reflectance(wp.max(f0))
+    return f0 + (wp.vec3(f90, f90, f90) - f0) * (m2 * m2 * m)
+
+
+@wp.func
+def mean_schlick(f0: wp.vec3) -> wp.vec3:
+    """Its mean over the hemisphere, weighted by the cosine."""
+    f90 = grazing_reflectance(wp.max(f0))
+    return f0 + (wp.vec3(f90, f90, f90) - f0) / 21.0
 
 
 @wp.func
 def schlick_scalar(f0: float, cos_theta: float) -> float:
     m = wp.clamp(1.0 - cos_theta, 0.0, 1.0)
     m2 = m * m
-    return f0 + (1.0 - f0) * (m2 * m2 * m)
+    return f0 + (grazing_reflectance(f0) - f0) * (m2 * m2 * m)
 
 
 @wp.func

@@ -2,19 +2,22 @@
 
 Model: diffuse (Lambert), a GGX lobe with Fresnel F, and a GGX coat with Fresnel C on top:
 
-    f = (1 - C(wo)) (1 - C(wi)) [ o k_d / pi (1 - F(wo)) (1 - F(wi)) + specular ] + coat
+    f = (1 - E_c(wo)) [ o k_d / pi (1 - E(wo)) (1 - F(wi)) / (1 - F_mean) + k(wo) specular ] + coat
 
-The factors on what lies below a lobe are symmetric in wo and wi, so that f is reciprocal, and never exceed what the
-lobe above leaves over, so that it creates no energy. Where a lobe is so smooth that it is a mirror it takes no part
-here: events.py follows it.
+E, E_c: what the lobe and the coat reflect in all; k: what multiple scattering adds (albedo.py). Each layer gets just
+what the one above leaves over, and the diffuse lobe has the shape that a smooth interface gives it. Where a lobe is so
+smooth that it is a mirror it takes no part here: events.py follows it.
 """
 
 from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import MaterialView
+from warpmis.device.views import MaterialView, SceneView
+from warpmis.kernels.bsdf.albedo import coat_albedo, compensation, lobe_albedo, white_albedo
 from warpmis.kernels.bsdf.microfacet import (
+    SMOOTH_ALPHA,
+    mean_schlick,
     pdf_reflected,
     sample_visible_normal,
     schlick,
@@ -28,17 +31,21 @@ from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 
-SMOOTH_ALPHA = wp.constant(1.0e-3)
 ONE = wp.constant(wp.vec3(1.0, 1.0, 1.0))
 
 
 @wp.struct
 class Surface:
-    """Scattering for a fixed wo (local, wo[2] > 0): what is left of the lobes and how often each is sampled."""
+    """Scattering for a fixed wo (local, wo[2] > 0): what is left of the lobes and how often each is sampled.
+
+    compensation: factor on the specular lobe; below_coat: on all lobes but the coat.
+    """
 
     wo: wp.vec3
     diffuse: wp.vec3
     specular_f0: wp.vec3
+    compensation: wp.vec3
+    below_coat: float
     alpha: float
     coat: float
     coat_f0: float
@@ -64,11 +71,7 @@ def make_surface(features: Features) -> SimpleNamespace:
     """Surface functions for the lobes in `features`: prepare, evaluate, remapped, sample."""
 
     @wp.func
-    def coat_transmittance(s: Surface, cos_theta: float) -> float:
-        return 1.0 - s.coat * schlick_scalar(s.coat_f0, cos_theta)
-
-    @wp.func
-    def prepare(material: MaterialView, wo: wp.vec3) -> Surface:
+    def prepare(scene: SceneView, material: MaterialView, wo: wp.vec3) -> Surface:
         """Lobes and their sampling probabilities, in proportion to an estimate of each one's albedo."""
         s = Surface()
         s.wo = wo
@@ -79,10 +82,13 @@ def make_surface(features: Features) -> SimpleNamespace:
             if material.has_specular:
                 s.specular_f0 = material.specular_f0
                 s.alpha = material.alpha
-                f = schlick(material.specular_f0, wo[2])
-                s.diffuse = wp.cw_mul(material.diffuse, ONE - f)
+                white = white_albedo(scene.albedos, wo[2], material.alpha)
+                s.compensation = compensation(material.specular_f0, white)
+                reflected = lobe_albedo(material.specular_f0, white)
+                s.diffuse = wp.cw_mul(material.diffuse, ONE - reflected)
                 s.p_diffuse = luminance(s.diffuse)
-                s.p_specular = wp.where(material.alpha < SMOOTH_ALPHA, 0.0, luminance(f))
+                s.diffuse = wp.cw_div(s.diffuse, wp.max(ONE - mean_schlick(s.specular_f0), ONE * 1.0e-6))
+                s.p_specular = wp.where(material.alpha < SMOOTH_ALPHA, 0.0, luminance(reflected))
                 if wp.static(features.opacity):
                     # What is let through is no longer reflected diffusely; the specular lobe stays (the
                     # specification's mode "transparent").
@@ -93,10 +99,10 @@ def make_surface(features: Features) -> SimpleNamespace:
             s.coat = material.coat
             s.coat_f0 = material.coat_f0
             s.coat_alpha = material.coat_alpha
-            below = coat_transmittance(s, wo[2])
-            s.p_diffuse = s.p_diffuse * below
-            s.p_specular = s.p_specular * below
-            s.p_coat = wp.where(material.coat_alpha < SMOOTH_ALPHA, 0.0, 1.0 - below)
+            s.below_coat = 1.0 - coat_albedo(scene.albedos, s.coat, s.coat_f0, s.coat_alpha, wo[2])
+            s.p_diffuse = s.p_diffuse * s.below_coat
+            s.p_specular = s.p_specular * s.below_coat
+            s.p_coat = wp.where(material.coat_alpha < SMOOTH_ALPHA, 0.0, 1.0 - s.below_coat)
         total = s.p_diffuse + s.p_specular + s.p_coat
         if total > 0.0:
             s.p_diffuse = s.p_diffuse / total
@@ -122,18 +128,19 @@ def make_surface(features: Features) -> SimpleNamespace:
                 if s.p_specular > 0.0:
                     h = wp.normalize(s.wo + wi)
                     pdf = pdf_reflected(s.wo, h, s.alpha)
-                    e.f_cos += schlick(s.specular_f0, wp.dot(s.wo, h)) * (pdf * smith_g1(wi, s.alpha))
+                    fresnel = wp.cw_mul(schlick(s.specular_f0, wp.dot(s.wo, h)), s.compensation)
+                    e.f_cos += fresnel * (pdf * smith_g1(wi, s.alpha))
                     e.pdf_specular += s.p_specular * pdf
             if wp.static(features.clearcoat):
                 if s.coat > 0.0:
-                    e.f_cos = e.f_cos * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
+                    e.f_cos = e.f_cos * s.below_coat
                     if wp.static(features.splits_lobes):
-                        e.diffuse = e.diffuse * (coat_transmittance(s, s.wo[2]) * coat_transmittance(s, wi[2]))
+                        e.diffuse = e.diffuse * s.below_coat
                     if s.p_coat > 0.0:
                         h = wp.normalize(s.wo + wi)
                         pdf = pdf_reflected(s.wo, h, s.coat_alpha)
-                        fresnel = s.coat * schlick_scalar(s.coat_f0, wp.dot(s.wo, h))
-                        e.f_cos += ONE * (fresnel * pdf * smith_g1(wi, s.coat_alpha))
+                        coat_fresnel = s.coat * schlick_scalar(s.coat_f0, wp.dot(s.wo, h))
+                        e.f_cos += ONE * (coat_fresnel * pdf * smith_g1(wi, s.coat_alpha))
                         e.pdf_specular += s.p_coat * pdf
             e.pdf_solid_angle += e.pdf_specular
         if wp.static(features.splits_lobes):

@@ -122,7 +122,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             frame = intersect.shading_frame(scene, hit, material, path.wi)
             wo = to_local(frame, -path.wi)
             if wp.static(has_events):
-                event = events.choose(material, wo[2], sampler.of_step(key, step, rng.EVENT)[0])
+                event = events.choose(scene, material, wo[2], sampler.of_step(key, step, rng.EVENT)[0])
                 path.beta = wp.cw_mul(path.beta, event.weight)
                 if event.kind == PASS:
                     specular.pass_through(path, hit, distance)

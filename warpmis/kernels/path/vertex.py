@@ -60,7 +60,7 @@ def make_vertex(
         vertex = random_numbers(path, key, step)
         vertex.ng = hit.ng
         vertex.frame = frame
-        vertex.surface = surface.prepare(material, wo)
+        vertex.surface = surface.prepare(scene, material, wo)
         prim = int(0)
         if wp.static(features.controlled):
             prim = lights.control.prim_of(scene, hit)
