@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from warpmis.device.albedo import ALBEDO_FILE, cosines, roughnesses
 
-SIDE = 384
+SIDE = 320
 
 
 def lobe_albedo(roughness: float, cos_o: float, side: int = SIDE) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALBEDO_FILE = Path(__file__).with_name("albedo.npy")
-ROWS, COLUMNS = 96, 64
+ROWS, COLUMNS = 48, 128
 
 
 def roughnesses() -> NDArray[np.float64]:

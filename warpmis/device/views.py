@@ -325,17 +325,15 @@ class SceneView:
 
     mesh: on a GPU, the triangles in world space, the first rows of `triangles`; the rows of prototypes follow, with
     points and normals in their own spaces. tree: on a CPU, of the same meshes; root: the node at which that of the
-    triangles in world space begins. instance_bvh: over the boxes of `instances`, of which there may be none.
-    albedos: of a GGX lobe (device/albedo.py).
-    lights: first those at a distance, finite_light_count of them, then those at infinity; the first
-    analytic_light_count are no mesh lights. emitter_triangles: the mesh lights' triangles; emitter_lights: the light of
-    each; emitter_cdf: the cumulative share of that light's area. light_tree: of many lights,
-    over the analytic ones and emitter_triangles; light_bvh: on a GPU, over the boxes of the analytic ones; prim_links:
-    per prim the bits of the lights that reach it. delta_lights: first the points, delta_point_count of them;
-    delta_tree: over many points, whose weights are shares of delta_brightest. controls: one for each of `lights`, then
-    one for each of `delta_lights`, or none at all where nothing is asked of any light; prims: per triangle, where there
-    are controls or ids are asked for; faces, copies: the same for ids; varying, cache, aov: one record each or none, in
-    an array so that the scene stays small: device functions take it by value.
+    triangles in world space begins. instance_bvh: over the boxes of `instances`, of which there may be none. lights:
+    first those at a distance, finite_light_count of them, then those at infinity; the first analytic_light_count are no
+    mesh lights. emitter_triangles: the mesh lights' triangles; emitter_lights: the light of each; emitter_cdf: the
+    cumulative share of that light's area. light_tree: of many lights, over the analytic ones and emitter_triangles;
+    light_bvh: on a GPU, over the boxes of the analytic ones; prim_links: per prim the bits of the lights that reach it.
+    delta_lights: first the points, delta_point_count of them; delta_tree: over many points, whose weights are shares of
+    delta_brightest. controls: one for each of `lights`, then one for each of `delta_lights`, or none; prims: per
+    triangle, where there are controls or ids are asked for; faces, copies: the same for ids; varying, cache, aov: one
+    record each or none, in an array for the scene is passed by value. albedos: of a GGX lobe (device/albedo.py).
     """
 
     mesh: wp.uint64

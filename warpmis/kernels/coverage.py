@@ -52,7 +52,7 @@ def make_coverage(features: Features) -> KernelFunction:
         if wp.static(features.opacity):
             material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
             frame = intersect.shading_frame(scene, hit, material, ray_direction)
-            return luminance(intersect.transparency(material, to_local(frame, -ray_direction)[2]))
+            return luminance(intersect.transparency(scene, material, to_local(frame, -ray_direction)[2]))
         return 0.0
 
     def coverage(
