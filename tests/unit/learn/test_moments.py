@@ -9,6 +9,7 @@ from toys import Toy, bumps, smooth
 
 from warpmis.config import STRATEGIES
 from warpmis.kernels.moments import CANDIDATES, Layout
+from warpmis.kernels.roulette import SAFETY
 from warpmis.learn.learner import Learner
 from warpmis.methods import METHODS
 
@@ -159,7 +160,7 @@ def test_candidates_of_pairs(paired: np.ndarray) -> None:
 
 
 def survival(throughput: np.ndarray | float) -> np.ndarray:
-    return np.minimum(throughput, 1.0)
+    return np.minimum(float(SAFETY) * np.asarray(throughput), 1.0)
 
 
 @pytest.mark.parametrize("throughput", [0.2, 0.7, 1.3])

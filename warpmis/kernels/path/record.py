@@ -10,6 +10,7 @@ import warp as wp
 
 from warpmis.device.views import SceneView
 from warpmis.kernels.direct_light import DirectLight
+from warpmis.kernels.roulette import MAX_SURVIVAL
 
 wp.set_module_options({"enable_backward": False})
 
@@ -25,13 +26,13 @@ class Record:
 
     F: the estimate of the light by way of the first vertex, throughput up to it included; L_before: all other light.
     direct: the part of F that came straight from the lights, met by the ray from the first vertex; F_late: the part
-    that was found after the first Russian roulette.
+    that was found after the first Russian roulette by throughput: those before it end paths at a constant rate.
     throughput: of the last roulette, as if there had been none before, 1 without any; survival: probability that the
     path lived through all of them.
     light, light_share, light_rays: of next-event estimation at the first vertex: the part of F from its light sample,
     p_bsdf / (p_bsdf + p_light) of that sample's direction, and its shadow rays.
-    early_rays, early_shadow_rays: all that were traced before the first roulette; 0 without a first vertex.
-    first_bounce: PathState.bounces at the first vertex; had_roulette: whether there was any.
+    early_rays, early_shadow_rays: all that were traced before that roulette; 0 without a first vertex.
+    first_bounce: PathState.bounces at the first vertex; had_roulette: whether there was one.
     """
 
     F: wp.vec3
@@ -98,7 +99,7 @@ def make_record(PathState: type) -> SimpleNamespace:
     @wp.func
     def roulette(path: wp.ref[PathState], survival: float):
         """survival: the probability that this roulette lets the path live."""
-        if not path.record.had_roulette:
+        if not path.record.had_roulette and survival < MAX_SURVIVAL:
             path.record.had_roulette = True
             path.record.F_early = path.L
             path.record.early_rays = path.rays
