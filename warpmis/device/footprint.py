@@ -19,6 +19,7 @@ PURPOSES = {
     "materials": "materials",
     "varying": "materials",
     "inputs": "materials",
+    "albedos": "materials",
     "lookups": "materials",
     "tiles": "textures",
     "texels": "textures",

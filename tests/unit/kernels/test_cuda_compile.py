@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,13 +25,20 @@ from warpmis.scene.features import Features
 HOPPER = 90
 EVERY = Features.all().with_tree("warp")
 FEW = Features(rect_light=True, dome_constant=True, specular=True, clearcoat=True, indirect=True, tree="warp")
+MOST = replace(
+    FEW,
+    **dict.fromkeys(("sphere_light", "delta_light", "mesh_light", "light_tree", "dome_picture", "opacity"), True),
+    **dict.fromkeys(("transmission", "absorption", "instances", "textures", "shading_normals", "shaping"), True),
+)
 AUTO = Layout(2, METHODS["auto"].statistics)
 KERNELS = {
     "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
     "trace, every effect, next-event estimation": lambda: make_trace(EVERY),
     "trace, no effect": lambda: make_trace(Features().with_tree("warp")),
     "trace, few effects, every strategy": lambda: make_trace(FEW.with_strategies(STRATEGIES)),
-    "trace, auto": lambda: make_trace(EVERY.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "trace, few effects, auto": lambda: make_trace(FEW.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "trace, most effects, next-event estimation": lambda: make_trace(MOST),
+    "trace, every effect, auto": lambda: make_trace(EVERY.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
     "identify, every effect": lambda: make_identify(EVERY),
     "newton_share": lambda: make_newton_share(Layout(2)),
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
@@ -42,8 +50,8 @@ KERNELS = {
     "pool": lambda: make_pool(AUTO),
     "whole samples, eight strategies": lambda: make_whole_samples(8),
 }
-# Over a minute each, of parts that shorter ones compile: auto's kernel has every effect, another every strategy.
-LONG = {"trace, every effect, mixture", "trace, every effect, next-event estimation"}
+# Over a minute each, of parts nearly all of which shorter ones compile.
+LONG = {name for name in KERNELS if name.startswith("trace, every effect")}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in KERNELS])

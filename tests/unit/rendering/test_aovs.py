@@ -56,7 +56,13 @@ def picture(result: warpmis.RenderResult, *names: str) -> np.ndarray:
     return sum(result.aovs[name].astype(np.float64) for name in names)
 
 
-@pytest.mark.parametrize("method", METHODS)
+# Those whose kernels the others do not have; nine seconds each for kernels.
+QUICK = ("nee", "balance", "murray20", "auto", "guided")
+
+
+@pytest.mark.parametrize(
+    "method", [pytest.param(method, marks=[pytest.mark.slow] * (method not in QUICK)) for method in METHODS]
+)
 def test_aovs_add_up_and_change_nothing(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guided, "THRESHOLD", 0.0)
     settings = {"allocation": (0.3, 0.7)} if method == "fixed" else {}
