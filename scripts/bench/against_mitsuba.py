@@ -3,8 +3,9 @@
     python scripts/bench/against_mitsuba.py [SCENE ...] [--spp 64] [--seeds 8] [--repeats 5] [--json FILE]
 
 Needs the extra `peer`. Scenes are folders of usd_scenes, or files, that tests/peer/mitsuba_scene.py converts; both
-renderers have the same resolution, box filter, number of bounces and Russian roulette, and all the threads there are,
-and each its own sampler: warpmis the one by default, Mitsuba that of --their-sampler, "independent" if nothing is said.
+renderers have the same resolution, box filter and number of bounces, begin Russian roulette at the same bounce, and
+take all the threads there are. Each has its own sampler: warpmis the one by default, Mitsuba that of --their-sampler,
+"independent" if nothing is said. Mitsuba's roulette goes by the throughput, ours by five times as much.
 Mitsuba's multiple importance sampling is by the power heuristic. Where a path passes one of our lights, Mitsuba counts
 a bounce: its paths are a little shorter there.
 
