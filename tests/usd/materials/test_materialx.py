@@ -135,11 +135,11 @@ def test_preview_surface_of_materialx(tmp_path):
 
 
 def test_lobes_and_nodes_that_are_not_known_are_a_warning_each():
-    nodes = 'def Shader "X"\n{\nuniform token info:id = "ND_noise3d_color3"\ncolor3f outputs:out\n}\n'
-    inputs = "color3f inputs:base_color.connect = </M/X.outputs:out>\nfloat inputs:subsurface = 1"
+    nodes = 'def Shader "X"\n{\nuniform token info:id = "ND_flake3d"\ncolor3f outputs:out\n}\n'
+    inputs = "color3f inputs:base_color.connect = </M/X.outputs:out>\nfloat inputs:sheen = 1"
     scene = stage("ND_standard_surface_surfaceshader", inputs, nodes)
-    assert mentions(scene, "/M", "subsurface", "not supported")
-    assert mentions(scene, "/M", "base_color", "ND_noise3d_color3")
+    assert mentions(scene, "/M", "sheen", "not supported")
+    assert mentions(scene, "/M", "/M/X", "ND_flake3d")
     assert len(scene.warnings) == 2
     assert scene.materials[0].diffuse_color == (0.8, 0.8, 0.8)
 

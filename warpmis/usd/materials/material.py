@@ -11,9 +11,14 @@ from pxr import UsdShade
 from warpmis.scene import Material
 from warpmis.scene.texture import PrimvarLookup
 from warpmis.usd.color_space import inherited_space
-from warpmis.usd.materials.materialx import MaterialXNetwork, is_materialx, read_materialx
+from warpmis.usd.materials.arnold import ArnoldNetwork, is_arnold, read_arnold
+from warpmis.usd.materials.materialx import is_materialx, read_materialx
+from warpmis.usd.materials.materialx_network import MaterialXNetwork
 from warpmis.usd.materials.mdl import is_mdl, mdl_name, read_mdl
+from warpmis.usd.materials.omni_surface import is_omni_surface, read_omni_surface
+from warpmis.usd.materials.pattern_network import PatternNetwork
 from warpmis.usd.materials.preview_surface import clamped, read_preview_surface
+from warpmis.usd.materials.renderman import RenderManNetwork, is_renderman, read_renderman
 from warpmis.usd.materials.shading_network import ShadingNetwork
 from warpmis.usd.materials.subsets import claim, material_subsets
 from warpmis.usd.materials.texture import TextureReader
@@ -23,6 +28,8 @@ from warpmis.usd.shapes.primvar import PrimvarColumns, PrimvarRead, corner_primv
 from warpmis.usd.shapes.surfaces import NO_PLACES, Shading, Surface
 
 GREY = 0.18
+# Render contexts of a material's surface, the first one for all renderers.
+CONTEXTS = ("", "mtlx", "mdl", "arnold", "ri")
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,24 +164,44 @@ class MaterialReader:
             prim = prim.GetParent()
 
     def _read(self, material: Any) -> BoundMaterial | None:
-        """A UsdPreviewSurface, or else MaterialX or MDL; None, with a warning, for a material of another shader."""
+        """A UsdPreviewSurface, else MaterialX, MDL, Arnold's or RenderMan's, the first that is supported."""
         path = material.GetPath()
-        contexts = (material.ComputeSurfaceSource(context)[0] for context in ("", "mtlx", "mdl"))
-        shader = next(filter(None, contexts), None)
-        if not shader:
+        shaders = [shader for context in CONTEXTS if (shader := material.ComputeSurfaceSource(context)[0])]
+        for shader in shaders:
+            bound = self._of_shader(shader, path)
+            if bound is not None:
+                return bound
+        if not shaders:
             self.reading.warn(path, "it has no UsdPreviewSurface; displayColor is used")
-            return None
-        kind = str(self.reading.get(shader.GetIdAttr()) or shader.GetImplementationSource())
+        else:
+            kind = mdl_name(shaders[0]) or self._kind(shaders[0])
+            self.reading.warn(path, f"its surface shader {kind} is not supported; displayColor is used")
+        return None
+
+    def _kind(self, shader: Any) -> str:
+        return str(self.reading.get(shader.GetIdAttr()) or shader.GetImplementationSource())
+
+    def _of_shader(self, shader: Any, path: Any) -> BoundMaterial | None:
+        """What a surface shader describes; None for one that is not supported."""
+        kind, name = self._kind(shader), mdl_name(shader)
         if kind == "UsdPreviewSurface":
             network = ShadingNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_preview_surface(shader, network), network.columns)
         if is_materialx(kind):
             nodes = MaterialXNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_materialx(shader, nodes), nodes.columns)
-        if is_mdl(name := mdl_name(shader)):
+        if is_mdl(name):
             network = ShadingNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_mdl(shader, name, network), network.columns)
-        self.reading.warn(path, f"its surface shader {name or kind} is not supported; displayColor is used")
+        if is_omni_surface(name):
+            patterns = PatternNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_omni_surface(shader, name, patterns), patterns.columns)
+        if is_arnold(kind):
+            of_arnold = ArnoldNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_arnold(shader, of_arnold), of_arnold.columns)
+        if is_renderman(kind):
+            of_renderman = RenderManNetwork(path, self.reading, self.textures)
+            return BoundMaterial(read_renderman(shader, of_renderman), of_renderman.columns)
         return None
 
 

@@ -27,13 +27,25 @@ class TextureReader:
     Attributes:
         pictures: decoded files by resolved path; None for one that cannot be read.
         textures: by the paths of their tiles and their colour space.
+        admitted: tiles that have been counted, by their identities.
         words: how many the pictures take so far.
     """
 
     reading: Reading
     pictures: dict[str, Picture | None] = field(default_factory=dict)
     textures: dict[Any, Texture | None] = field(default_factory=dict)
+    admitted: dict[int, NDArray[Any]] = field(default_factory=dict)
     words: int = 0
+
+    def admits(self, texture: Texture) -> bool:
+        """Whether a picture has room, one that was made of others included, which is counted the first time."""
+        for pixels in texture.tiles.values():
+            if id(pixels) not in self.admitted:
+                if self.words + pixels.size > MAX_TEXEL_WORDS:
+                    return False
+                self.admitted[id(pixels)] = pixels
+                self.words += pixels.size
+        return True
 
     def read(self, attribute: Any, space: str) -> Texture | None:
         """The texture of an asset attribute; None, with a warning, where no picture of it can be read.
@@ -63,6 +75,7 @@ class TextureReader:
         if space == AUTO:
             space = SRGB if all(map(_is_srgb, pictures.values())) else LINEAR
         tiles = {number: _decoded_here(picture.pixels, space) for number, picture in pictures.items()}
+        self.admitted |= {id(pixels): pixels for pixels in tiles.values()}
         return Texture(tiles, space == SRGB, asset.is_udim)
 
     def _picture(self, prim_path: Any, path: str) -> Picture | None:

@@ -16,14 +16,28 @@ from warpmis.usd.shapes.surfaces import FloatArray, IntArray, Surface
 
 @dataclass(frozen=True)
 class PrimvarRead:
-    """A primvar that a material reads, of `width` components; without a name, or where a prim lacks it, `fallback`."""
+    """A primvar that a material reads; without a name, or where a prim lacks it, `fallback`.
+
+    Attributes:
+        channels: with them, what is read is scale * component + bias of these components; without, all as they are.
+    """
 
     name: str
     fallback: tuple[float, ...]
+    channels: tuple[int, ...] = ()
+    scale: tuple[float, ...] = ()
+    bias: tuple[float, ...] = ()
 
     @property
     def width(self) -> int:
-        return len(self.fallback)
+        """How many components are read."""
+        return len(self.channels) or len(self.fallback)
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """What is read of the primvar's values, shape (n, components), as shape (n, width)."""
+        if not self.channels:
+            return values
+        return np.asarray(values[:, list(self.channels)] * np.array(self.scale) + np.array(self.bias))
 
 
 @dataclass(eq=False)
@@ -83,14 +97,14 @@ def corner_values(
     """
     fallback = np.array(read.fallback)
     if not read.name:
-        return fallback, False
-    found = primvar_elements(prim, surface, read.name, read.width, scopes, reading)
+        return read.of(fallback[None])[0], False
+    found = primvar_elements(prim, surface, read.name, len(read.fallback), scopes, reading)
     if not len(found.values):
         shown = ", ".join(f"{number:g}" for number in read.fallback)
         reading.warn(prim.GetPath(), f"its material reads primvars:{read.name}, which it lacks; {shown} is used")
-        return fallback, False
+        return read.of(fallback[None])[0], False
     finite = np.abs(found.values) < np.finfo(np.float32).max
-    values = np.where(finite, found.values, fallback)
+    values = read.of(np.where(finite, found.values, fallback))
     return (values, True) if found.of_places else (values[found.rows], False)
 
 
