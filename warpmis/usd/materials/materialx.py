@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from warpmis.scene import Material
+from warpmis.usd.materials.bsdf_nodes import BsdfReader
 from warpmis.usd.materials.layered_surface import LayeredSurface, SurfaceInputs, material_of
 from warpmis.usd.materials.materialx_network import MaterialXNetwork
 from warpmis.usd.materials.preview_surface import read_preview_surface
@@ -21,11 +22,12 @@ SURFACES: dict[str, Callable[[SurfaceInputs], LayeredSurface]] = {
     "ND_gltf_pbr_surfaceshader": gltf_pbr,
     "ND_surface_unlit": unlit,
 }
+OF_NODES = "ND_surface"
 
 
 def is_materialx(kind: str) -> bool:
     """Whether `read_materialx` knows the surface shader."""
-    return kind in SURFACES or kind == PREVIEW_SURFACE
+    return kind in SURFACES or kind in (PREVIEW_SURFACE, OF_NODES)
 
 
 def read_materialx(shader: Any, network: MaterialXNetwork) -> Material:
@@ -33,4 +35,6 @@ def read_materialx(shader: Any, network: MaterialXNetwork) -> Material:
     kind = network.kind(shader)
     if kind == PREVIEW_SURFACE:
         return read_preview_surface(shader, network)
+    if kind == OF_NODES:
+        return material_of(BsdfReader(network).surface(shader), network)
     return material_of(SURFACES[kind](SurfaceInputs(shader, network)), network)

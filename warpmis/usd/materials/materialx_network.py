@@ -70,6 +70,8 @@ class MaterialXNetwork(PatternNetwork):
             return True, special(node, kind, output, width)
         if category in MEANS:
             return True, self._mean(node, kind, category, width)
+        if kind == "ND_artistic_ior" and output == "extinction":
+            return True, self._math(node, "artistic_extinction", width)
         if name := category_of(kind):
             return True, self._math(node, name, width)
         return super().node_pattern(node, kind, output, width)

@@ -18,6 +18,7 @@ Numbers = tuple[float, ...]
 # Weights of red, green and blue in a colour's luminance where a node says no others: AP1's.
 LUMA = (0.2722287, 0.6740818, 0.0536895)
 SWITCHES = 10
+ARTISTIC: dict[str, Numbers] = {"reflectivity": (0.944, 0.776, 0.373), "edge_color": (0.998, 0.981, 0.751)}
 
 
 class NodeMath(NamedTuple):
@@ -177,6 +178,30 @@ def _switch(*values: FloatArray) -> FloatArray:
     return found
 
 
+def _facets(roughness: FloatArray, anisotropy: FloatArray) -> FloatArray:
+    """Widths of a microfacet distribution in both directions. Reference: Burley (2012), section 5.4."""
+    alpha = np.clip(roughness * roughness, 1e-8, 1.0)
+    aspect = np.sqrt(1.0 - np.clip(anisotropy, 0.0, 0.98))
+    across = np.where(anisotropy > 0.0, np.minimum(alpha / aspect, 1.0), alpha)
+    along = np.where(anisotropy > 0.0, alpha * aspect, alpha)
+    return np.concatenate([across, along], axis=-1)
+
+
+def _dual_facets(roughness: FloatArray) -> FloatArray:
+    return np.clip(np.where(roughness < 0.0, roughness[..., :1], roughness) ** 2, 1e-8, 1.0)
+
+
+def artistic_ior(reflectivity: FloatArray, edge: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Index of refraction and extinction by the colours at normal incidence and at the edge.
+
+    Reference: Gulbrandsen (2014), "Artist Friendly Metallic Fresnel".
+    """
+    r = np.clip(reflectivity, 0.0, 0.99)
+    n = (1.0 - edge) * (1.0 + np.sqrt(r)) / (1.0 - np.sqrt(r)) + edge * (1.0 - r) / (1.0 + r)
+    squared = (r * (n + 1.0) ** 2 - (n - 1.0) ** 2) / (1.0 - r)
+    return n, np.sqrt(np.maximum(squared, 0.0))
+
+
 def _choice(holds: Callable[[FloatArray, FloatArray], FloatArray]) -> NodeMath:
     def chosen(value1: FloatArray, value2: FloatArray, in1: FloatArray, in2: FloatArray) -> FloatArray:
         return np.where(holds(value1, value2), in1, in2)
@@ -285,6 +310,11 @@ MATH: dict[str, NodeMath] = {
     "out": _alpha_blend(lambda fg, bg: fg * (1.0 - bg[..., 3:])),
     "inside": NodeMath(np.multiply, {"in": (0.0,), "mask": (1.0,)}, ("in", "mask")),
     "outside": NodeMath(lambda a, mask: a * (1.0 - mask), {"in": (0.0,), "mask": (0.0,)}, ("in", "mask")),
+    "roughness_anisotropy": NodeMath(_facets, {"roughness": (0.0,), "anisotropy": (0.0,)}),
+    "glossiness_anisotropy": NodeMath(lambda g, a: _facets(1.0 - g, a), {"glossiness": (1.0,), "anisotropy": (0.0,)}),
+    "roughness_dual": NodeMath(_dual_facets, {"roughness": (0.0, 0.0)}),
+    "artistic_ior": NodeMath(lambda r, e: artistic_ior(r, e)[0], ARTISTIC),
+    "artistic_extinction": NodeMath(lambda r, e: artistic_ior(r, e)[1], ARTISTIC),
     "ifgreater": _choice(np.greater),
     "ifgreatereq": _choice(np.greater_equal),
     "ifequal": _choice(np.equal),
