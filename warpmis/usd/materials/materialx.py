@@ -5,6 +5,7 @@ What a Material lacks is left out with a warning.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -27,12 +28,17 @@ OF_NODES = "ND_surface"
 
 def is_materialx(kind: str) -> bool:
     """Whether `read_materialx` knows the surface shader."""
-    return kind in SURFACES or kind in (PREVIEW_SURFACE, OF_NODES)
+    return unversioned(kind) in (*SURFACES, PREVIEW_SURFACE, OF_NODES)
+
+
+def unversioned(kind: str) -> str:
+    """A node definition's name without its version, such as _100."""
+    return re.sub(r"(_\d+)+$", "", kind)
 
 
 def read_materialx(shader: Any, network: MaterialXNetwork) -> Material:
     """The Material nearest to a MaterialX surface shader."""
-    kind = network.kind(shader)
+    kind = unversioned(network.kind(shader))
     if kind == PREVIEW_SURFACE:
         return read_preview_surface(shader, network)
     if kind == OF_NODES:

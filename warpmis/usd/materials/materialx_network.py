@@ -9,7 +9,7 @@ import numpy as np
 from warpmis.scene.texture import FIRST_TILE, Texture
 from warpmis.usd.color_space import RAW, space_of
 from warpmis.usd.materials.node_math import MATH, category_of
-from warpmis.usd.materials.pattern import Pattern, Picture, constant, joined, primvar
+from warpmis.usd.materials.pattern import Pattern, Picture, bordered, constant, joined, primvar
 from warpmis.usd.materials.pattern_network import PatternNetwork, width_of
 from warpmis.usd.materials.shading_network import is_input
 from warpmis.usd.materials.texture_coordinates import texture_coordinates
@@ -126,7 +126,10 @@ class MaterialXNetwork(PatternNetwork):
         wraps = [str(self.constant(node, f"{axis}addressmode", "periodic")) for axis in "uv"]
         wrap_s, wrap_t = ("repeat" if tiled else WRAP_MODES.get(mode, "repeat") for mode in wraps)
         source = Picture(texture, column, transform, wrap_s, wrap_t)
-        return Pattern(np.zeros(width), np.ones(width), tuple(range(width)), source)
+        found = Pattern(np.zeros(width), np.ones(width), tuple(range(width)), source)
+        if "black" not in (wrap_s, wrap_t) or texture.is_udim:
+            return found
+        return bordered(found, self.numbers(self.pattern_or(node, "default", (0.0,) * width), "default"))
 
     def _normal_map(self, node: Any, kind: str, output: str, width: int) -> Pattern | None:
         """A tangent-space map's texels in [0, 1] as vectors, x and y times the node's scale."""

@@ -202,11 +202,11 @@ def artistic_ior(reflectivity: FloatArray, edge: FloatArray) -> tuple[FloatArray
     return n, np.sqrt(np.maximum(squared, 0.0))
 
 
-def _choice(holds: Callable[[FloatArray, FloatArray], FloatArray]) -> NodeMath:
+def _choice(holds: Callable[[FloatArray, FloatArray], FloatArray], first: float) -> NodeMath:
     def chosen(value1: FloatArray, value2: FloatArray, in1: FloatArray, in2: FloatArray) -> FloatArray:
         return np.where(holds(value1, value2), in1, in2)
 
-    return NodeMath(chosen, {"value1": (1.0,), "value2": (0.0,), "in1": (0.0,), "in2": (0.0,)}, ("in1", "in2"))
+    return NodeMath(chosen, {"value1": (first,), "value2": (0.0,), "in1": (0.0,), "in2": (0.0,)}, ("in1", "in2"))
 
 
 def _unary(function: Callable[[FloatArray], FloatArray], default: float = 0.0) -> NodeMath:
@@ -315,9 +315,9 @@ MATH: dict[str, NodeMath] = {
     "roughness_dual": NodeMath(_dual_facets, {"roughness": (0.0, 0.0)}),
     "artistic_ior": NodeMath(lambda r, e: artistic_ior(r, e)[0], ARTISTIC),
     "artistic_extinction": NodeMath(lambda r, e: artistic_ior(r, e)[1], ARTISTIC),
-    "ifgreater": _choice(np.greater),
-    "ifgreatereq": _choice(np.greater_equal),
-    "ifequal": _choice(np.equal),
+    "ifgreater": _choice(np.greater, 1.0),
+    "ifgreatereq": _choice(np.greater_equal, 1.0),
+    "ifequal": _choice(np.equal, 0.0),
     "switch": NodeMath(_switch, {**{f"in{k + 1}": (0.0,) for k in range(SWITCHES)}, "which": (0.0,)}),
     "and": _binary(np.minimum, 0.0),
     "or": _binary(np.maximum, 0.0),

@@ -232,6 +232,20 @@ def _baked(function: Callable[..., FloatArray], inputs: Sequence[Pattern]) -> Pa
     return Pattern(outside, np.ones(width), tuple(range(width)), source)
 
 
+def bordered(pattern: Pattern, outside: NDArray[np.float64]) -> Pattern:
+    """A picture's pattern that is `outside`, shape (n,), beyond a border that is black otherwise."""
+    source = pattern.source
+    if not isinstance(source, Picture) or not outside.any():
+        return pattern
+    tiles = {
+        number: _three_wide(_evaluated_tile(lambda values: values - outside, [pattern], number, pixels.shape[:2]))
+        for number, pixels in source.texture.tiles.items()
+    }
+    width = len(outside)
+    shifted = replace(source, texture=Texture(tiles, False, source.texture.is_udim))
+    return Pattern(outside, np.ones(width), tuple(range(width)), shifted)
+
+
 def _at_fallback(pattern: Pattern) -> NDArray[np.float64]:
     source = pattern.source
     if not isinstance(source, Picture):
