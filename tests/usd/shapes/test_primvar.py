@@ -145,11 +145,11 @@ def test_a_single_value_holds_for_the_whole_prim(interpolation):
     assert scene.warnings == ()
 
 
-def test_values_that_cannot_be_placed_give_one_color_with_a_warning():
+def test_values_of_a_wrong_number_are_left_out_with_a_warning():
     colors = "color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)]"
     cube = load(f'def Cube "C"\n{{\n{colors} ( interpolation = "vertex" )\n}}\n')
-    assert cube.materials[0].diffuse_color == (0.5, 0.5, 0)
-    assert mentions(cube, "/C", "displayColor", "mean")
+    assert cube.materials[0].diffuse_color == (0.18, 0.18, 0.18)
+    assert mentions(cube, "/C", "displayColor", "2 vertex values", "8 are needed")
     first = load(f'def Cube "C"\n{{\n{colors} ( interpolation = "constant" )\n}}\n')
     assert first.materials[0].diffuse_color == (1, 0, 0)
     assert mentions(first, "/C", "displayColor", "first")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from pxr import UsdShade
+from pxr import UsdGeom, UsdShade
 
 from warpmis.scene import Material
 from warpmis.scene.texture import PrimvarLookup
@@ -80,7 +80,9 @@ class MaterialReader:
             scopes: as Placement.scopes.
         """
         found: list[BoundMaterial] = []
-        count = int(surface.faces.max(initial=-1)) + 1 if surface.mesh is None else len(surface.mesh.authored.counts)
+        count = int(surface.faces.max(initial=-1)) + 1
+        if prim.IsA(UsdGeom.Mesh) and surface.carrier is not None:
+            count = surface.carrier.elements["uniform"]
         by_face = np.full(count, -1)
         own = self._binding(prim)[0]
         for subset, indices in material_subsets(prim, self.reading):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -51,6 +52,7 @@ class Samples:
         curve: shape (s,).
         first: the first sample of the same curve, shape (s,).
         following: the sample after, -1 at an open end, shape (s,).
+        carrier: brings primvars to the samples.
     """
 
     positions: FloatArray
@@ -60,6 +62,28 @@ class Samples:
     curve: IntArray
     first: IntArray
     following: IntArray
+    carrier: CurveElements
+
+
+@dataclass(frozen=True, eq=False)
+class CurveElements:
+    """The carrier (surfaces.PrimvarCarrier) of the primvars of curves, whose places are the samples.
+
+    Attributes:
+        t: parameters of each segment's samples, shape (p,); kept: which of them count, shape (g, p).
+    """
+
+    segments: Segments
+    t: FloatArray
+    kept: BoolArray
+
+    @property
+    def elements(self) -> Mapping[str, int]:
+        return self.segments.elements
+
+    def primvar(self, values: FloatArray, indices: IntArray, interpolation: str) -> tuple[FloatArray, IntArray]:
+        found = _along(self.segments, Authored(values, indices, interpolation), self.t)[self.kept]
+        return found, np.arange(len(found))
 
 
 def read_curves(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | None:
@@ -182,6 +206,7 @@ def _sampled(
         curve=curve,
         first=first,
         following=following,
+        carrier=CurveElements(segments, t, kept),
     )
 
 
@@ -242,5 +267,7 @@ def _strips(
 ) -> Surface:
     """Two triangles for each quadrilateral a b d c, shape (strips, sides) each; points and normals share their rows."""
     triangles = np.stack([np.stack([a, b, d], axis=-1), np.stack([a, d, c], axis=-1)], axis=-2)
+    triangles = triangles.reshape(-1, 3)
     faces = np.repeat(samples.curve[strips], 2 * a.shape[1])
-    return Surface(points, triangles.reshape(-1, 3), faces, normals, triangles.reshape(-1, 3))
+    sample = triangles // max(1, len(points) // max(1, len(samples.positions)))
+    return Surface(points, triangles, faces, normals, triangles, sample, samples.carrier)

@@ -95,14 +95,6 @@ def _holes(mesh: Any, polygons: Polygons, reading: Reading) -> IntArray:
 
 def _authored_normals(mesh: Any, refined: RefinedMesh, reading: Reading) -> tuple[FloatArray, IntArray] | None:
     """Authored normals, shape (m, 3), and the row of each of the polygons' corners, shape (c,); None without any."""
-    authored = refined.authored
-    points = len(authored.points)
-    elements = {
-        "constant": 1,
-        "uniform": len(authored.counts),
-        "faceVarying": len(authored.indices),
-        "vertex": points,
-        "varying": points,
-    }
-    normals = read_authored(mesh.GetPrim(), "normals", str(mesh.GetNormalsInterpolation()), elements, reading)
+    interpolation = str(mesh.GetNormalsInterpolation())
+    normals = read_authored(mesh.GetPrim(), "normals", interpolation, refined.elements, reading)
     return None if normals is None else refined.primvar(*normals)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,21 @@ from warpmis.usd.sight import largest_places, sampled, worthwhile_levels
 MAX_TRIANGLES = 1 << 22
 
 
+@dataclass(frozen=True, eq=False)
+class PointElements:
+    """The carrier (surfaces.PrimvarCarrier) of the primvars of so many points, each of which is a place."""
+
+    count: int
+
+    @property
+    def elements(self) -> Mapping[str, int]:
+        return {"constant": 1, "uniform": 1} | dict.fromkeys(("varying", "vertex", "faceVarying"), self.count)
+
+    def primvar(self, values: FloatArray, indices: IntArray, interpolation: str) -> tuple[FloatArray, IntArray]:
+        rows = np.arange(self.count) * (interpolation not in ("constant", "uniform"))
+        return values, indices[rows] if len(indices) else rows
+
+
 def read_points(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | None:
     """A sphere for each point of a UsdGeomPoints, in its own space, the points being its faces; None without any.
 
@@ -29,8 +46,8 @@ def read_points(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | 
     points = reading.vectors(schema.GetPointsAttr())
     if not len(points):
         return None
-    elements = {"constant": 1, "uniform": 1} | dict.fromkeys(("varying", "vertex", "faceVarying"), len(points))
-    widths = read_authored(prim, "widths", str(schema.GetWidthsInterpolation()), elements, reading)
+    carrier = PointElements(len(points))
+    widths = read_authored(prim, "widths", str(schema.GetWidthsInterpolation()), carrier.elements, reading)
     if widths is None:
         widths = thin_widths(prim, points, matrices, reading)
     diameters = np.broadcast_to(widths.flattened, (len(points), 1))
@@ -45,12 +62,15 @@ def read_points(prim: Any, matrices: FloatArray, reading: Reading) -> Surface | 
         reading.warn(prim.GetPath(), f"its {len(shown)} points are rendered in less detail than asked for")
     directions, triangles = icosphere(levels)
     spheres = points[shown, None] + 0.5 * diameters[shown, None] * directions
+    faces = np.repeat(shown, len(triangles))
     return Surface(
         points=spheres.reshape(-1, 3),
         triangles=(np.arange(len(shown))[:, None, None] * len(directions) + triangles).reshape(-1, 3),
-        faces=np.repeat(shown, len(triangles)),
+        faces=faces,
         normals=directions,
         normal_indices=np.tile(triangles, (len(shown), 1)),
+        corners=faces[:, None],
+        carrier=carrier,
     )
 
 

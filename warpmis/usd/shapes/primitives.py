@@ -6,16 +6,28 @@ Every vertex lies on the true surface and carries its true normal; rims between 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from pxr import UsdGeom
 
 from warpmis.usd.reading import Reading
+from warpmis.usd.shapes.implicit_elements import elements_of, varies
 from warpmis.usd.shapes.surfaces import FloatArray, Surface, flat_surface, reversed_surface
 
-MERIDIANS = 64  # segments about the axis
-PARALLELS = 32  # segments from pole to pole
+
+class Grid(NamedTuple):
+    """Segments about the axis, of a sphere from pole to pole, and of a capsule's cap."""
+
+    meridians: int
+    parallels: int
+    cap: int
+
+
+FINE = Grid(64, 32, 16)
+# So that each triangle lies in one element of implicit_elements.py.
+FITTED = Grid(60, 30, 16)
 
 # A profile in the (radius, height) half plane, from the lower end to the upper: points and normals, shape (m, 2) each.
 Profile = tuple[FloatArray, FloatArray]
@@ -37,10 +49,15 @@ def read_primitive(prim: Any, reading: Reading) -> Surface | None:
         authored = ", ".join(f"{name} = {size:g}" for name, size in zip(names, sizes, strict=True))
         reading.warn(prim.GetPath(), f"left out: its size must be finite and not negative, got {authored}")
         return None
-    surface = tessellate(*sizes)
+    type_name = str(prim.GetTypeName())
     axis = str(reading.get(prim.GetAttribute("axis"), "Z"))
-    if axis in ("X", "Y") and str(prim.GetTypeName()) == "Plane":
-        surface = plane(*reversed(sizes))  # the schema lays its width along z for X and along x for Y
+    if axis in ("X", "Y") and type_name == "Plane":
+        sizes.reverse()  # the schema lays its width along z for X and along x for Y
+    has_elements = varies(prim, reading)
+    surface = tessellate(*sizes, FITTED if has_elements else FINE)
+    if has_elements:
+        corners = np.arange(surface.triangles.size).reshape(-1, 3)
+        surface = replace(surface, corners=corners, carrier=elements_of(type_name, surface))
     surface = along_axis(surface, axis)
     gprim = UsdGeom.Gprim(prim)
     left_handed = reading.get(gprim.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
@@ -50,13 +67,7 @@ def read_primitive(prim: Any, reading: Reading) -> Surface | None:
 def along_axis(surface: Surface, axis: str) -> Surface:
     """A surface about Z turned to be about `axis`."""
     columns = AXES.get(axis, AXES["Z"])
-    return Surface(
-        surface.points[:, columns],
-        surface.triangles,
-        surface.faces,
-        surface.normals[:, columns],
-        surface.normal_indices,
-    )
+    return replace(surface, points=surface.points[:, columns], normals=surface.normals[:, columns])
 
 
 def cube(size: float) -> Surface:
@@ -73,35 +84,36 @@ def plane(width: float, length: float) -> Surface:
     return flat_surface(points * [width / 2, length / 2, 0.0], np.array([[0, 1, 2], [0, 2, 3]]), np.zeros(2, np.int64))
 
 
-def sphere(radius: float) -> Surface:
+def sphere(radius: float, grid: Grid = FINE) -> Surface:
     """Sphere about the origin."""
-    return revolve(_arc(radius, 0.0, -np.pi / 2, np.pi / 2, PARALLELS))
+    return revolve(_arc(radius, 0.0, -np.pi / 2, np.pi / 2, grid.parallels), grid=grid)
 
 
-def cylinder(height: float, radius_bottom: float, radius_top: float) -> Surface:
+def cylinder(height: float, radius_bottom: float, radius_top: float, grid: Grid = FINE) -> Surface:
     """Cylinder or truncated cone with both caps, its middle at the origin."""
     half = height / 2
     return revolve(
         _segment((0.0, -half), (radius_bottom, -half)),
         _segment((radius_bottom, -half), (radius_top, half)),
         _segment((radius_top, half), (0.0, half)),
+        grid=grid,
     )
 
 
-def cone(height: float, radius: float) -> Surface:
+def cone(height: float, radius: float, grid: Grid = FINE) -> Surface:
     """Cone with its base cap at -height/2 and its apex at height/2."""
     half = height / 2
-    return revolve(_segment((0.0, -half), (radius, -half)), _segment((radius, -half), (0.0, half)))
+    return revolve(_segment((0.0, -half), (radius, -half)), _segment((radius, -half), (0.0, half)), grid=grid)
 
 
-def capsule(height: float, radius_bottom: float, radius_top: float) -> Surface:
+def capsule(height: float, radius_bottom: float, radius_top: float, grid: Grid = FINE) -> Surface:
     """The hull of two spheres at -height/2 and height/2: their caps meet the side where it touches them."""
     difference = radius_bottom - radius_top
     within = abs(difference) < height  # otherwise one sphere holds the other, or both are one
     tangent = float(np.arcsin(difference / height) if within else np.pi / 2 * np.sign(difference))
-    lower = _arc(radius_bottom, -height / 2, -np.pi / 2, tangent, PARALLELS // 2)
-    upper = _arc(radius_top, height / 2, tangent, np.pi / 2, PARALLELS // 2)
-    return revolve((np.concatenate([lower[0], upper[0]]), np.concatenate([lower[1], upper[1]])))
+    lower = _arc(radius_bottom, -height / 2, -np.pi / 2, tangent, grid.cap)
+    upper = _arc(radius_top, height / 2, tangent, np.pi / 2, grid.cap)
+    return revolve((np.concatenate([lower[0], upper[0]]), np.concatenate([lower[1], upper[1]])), grid=grid)
 
 
 def open_cylinder(length: float, radius: float) -> Surface:
@@ -126,13 +138,13 @@ def _segment(begin: tuple[float, float], end: tuple[float, float]) -> Profile:
     return points, np.tile(normal, (2, 1))
 
 
-def revolve(*profiles: Profile) -> Surface:
+def revolve(*profiles: Profile, grid: Grid = FINE) -> Surface:
     """Turns each profile about Z; profiles share no vertices, so that the rims between them are sharp.
 
     A ring on the axis is turned by half a segment: each of its points then stands in the middle of the one triangle
     that uses it, and a cone's apex normals are symmetric.
     """
-    strips = [_revolved_strip(*profile) for profile in profiles]
+    strips = [_revolved_strip(*profile, grid.meridians) for profile in profiles]
     offsets = np.cumsum([0] + [len(points) for points, _, _ in strips[:-1]])
     triangles = np.concatenate([strip[2] + offset for strip, offset in zip(strips, offsets, strict=True)])
     return Surface(
@@ -144,18 +156,18 @@ def revolve(*profiles: Profile) -> Surface:
     )
 
 
-def _revolved_strip(points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray, Any]:
-    """Points and normals, shape (rings * MERIDIANS, 3), and two triangles a cell, of one profile."""
+def _revolved_strip(points: FloatArray, normals: FloatArray, meridians: int) -> tuple[FloatArray, FloatArray, Any]:
+    """Points and normals, shape (rings * meridians, 3), and two triangles a cell, of one profile."""
     on_axis = points[:, 0] == 0.0
-    angle = 2.0 * np.pi * (np.arange(MERIDIANS) + 0.5 * on_axis[:, None]) / MERIDIANS
+    angle = 2.0 * np.pi * (np.arange(meridians) + 0.5 * on_axis[:, None]) / meridians
 
     def turned(profile: FloatArray) -> FloatArray:
         radius, height = profile[:, :1], np.broadcast_to(profile[:, 1:], angle.shape)
         return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1).reshape(-1, 3)
 
-    ring, column = np.meshgrid(np.arange(len(points) - 1), np.arange(MERIDIANS), indexing="ij")
-    here, right = ring * MERIDIANS + column, ring * MERIDIANS + (column + 1) % MERIDIANS
-    above, above_right = here + MERIDIANS, right + MERIDIANS
+    ring, column = np.meshgrid(np.arange(len(points) - 1), np.arange(meridians), indexing="ij")
+    here, right = ring * meridians + column, ring * meridians + (column + 1) % meridians
+    above, above_right = here + meridians, right + meridians
     to_axis = on_axis[1:][ring]  # the one triangle of such a cell uses the point above its middle
     diagonal = np.where(to_axis, above, above_right)
     triangles = np.stack(
@@ -166,12 +178,12 @@ def _revolved_strip(points: FloatArray, normals: FloatArray) -> tuple[FloatArray
 
 
 READERS: dict[str, tuple[tuple[str, ...], Callable[..., Surface]]] = {
-    "Cube": (("size",), cube),
-    "Plane": (("width", "length"), plane),
+    "Cube": (("size",), lambda size, _: cube(size)),
+    "Plane": (("width", "length"), lambda width, length, _: plane(width, length)),
     "Sphere": (("radius",), sphere),
-    "Cylinder": (("height", "radius"), lambda height, radius: cylinder(height, radius, radius)),
+    "Cylinder": (("height", "radius"), lambda height, radius, grid: cylinder(height, radius, radius, grid)),
     "Cylinder_1": (("height", "radiusBottom", "radiusTop"), cylinder),
     "Cone": (("height", "radius"), cone),
-    "Capsule": (("height", "radius"), lambda height, radius: capsule(height, radius, radius)),
+    "Capsule": (("height", "radius"), lambda height, radius, grid: capsule(height, radius, radius, grid)),
     "Capsule_1": (("height", "radiusBottom", "radiusTop"), capsule),
 }

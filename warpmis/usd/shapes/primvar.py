@@ -144,15 +144,15 @@ def _at_corners(
     if interpolation == "constant":
         reading.warn(prim.GetPath(), f"primvars:{name} is constant but has {len(values)} values; the first is used")
         return values[:1], constant
-    if surface.mesh is None:
+    if surface.carrier is None:
         reading.warn(prim.GetPath(), f"{name} varies over a {prim.GetTypeName()}; its mean is used")
         return values.mean(axis=0, keepdims=True), constant
-    authored = surface.mesh.authored
-    numbers = {"uniform": len(authored.counts), "faceVarying": len(authored.indices)}
-    expected = numbers.get(interpolation, len(authored.points))
+    elements = surface.carrier.elements
+    interpolation = interpolation if interpolation in elements else "vertex"
+    expected = elements[interpolation]
     if len(values) != expected:
         message = f"{len(values)} {interpolation} values of primvars:{name} are left out: {expected} are needed"
         reading.warn(prim.GetPath(), message)
         return values[:0], constant
-    values, rows = surface.mesh.primvar(values, np.empty(0, np.int64), interpolation)
+    values, rows = surface.carrier.primvar(values, np.empty(0, np.int64), interpolation)
     return values, rows[surface.corners]

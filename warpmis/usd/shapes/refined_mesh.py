@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,13 +40,14 @@ class RefinedMesh:
     sound_corners: IntArray | None = None
     limit_normals: tuple[FloatArray, IntArray] | None = None
 
-    def primvar(self, values: FloatArray, indices: IntArray, interpolation: str) -> tuple[FloatArray, IntArray]:
-        """A primvar at the polygons' corners: values, shape (v, k), and the row of each corner, shape (c',).
+    @property
+    def elements(self) -> Mapping[str, int]:
+        """As of a PrimvarCarrier, whose places are the polygons' corners."""
+        numbers = {"constant": 1, "uniform": len(self.authored.counts), "faceVarying": len(self.authored.indices)}
+        return numbers | dict.fromkeys(("vertex", "varying"), len(self.authored.points))
 
-        Args:
-            values: as authored, shape (u, k), u being what the interpolation needs unless there are indices.
-            indices: the primvar's, in range, or none, shape (i,) or (0,).
-        """
+    def primvar(self, values: FloatArray, indices: IntArray, interpolation: str) -> tuple[FloatArray, IntArray]:
+        """As of a PrimvarCarrier, the row of each of the polygons' corners having the shape (c',)."""
         if self.refinement is None or interpolation in ("constant", "uniform"):
             rows = self._elements(interpolation)
             return values, indices[rows] if len(indices) else rows

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,22 @@ IntArray = NDArray[np.int64]
 BATCH_TRIANGLES = 1 << 20
 
 
+class PrimvarCarrier(Protocol):
+    """The way of a gprim's primvars from its elements to places on the surface."""
+
+    @property
+    def elements(self) -> Mapping[str, int]:
+        """How many values each interpolation needs."""
+
+    def primvar(self, values: FloatArray, indices: IntArray, interpolation: str) -> tuple[FloatArray, IntArray]:
+        """A primvar at the places: values, shape (v, k), and the row of each place, shape (c,).
+
+        Args:
+            values: as authored, shape (u, k), u being what the interpolation needs unless there are indices.
+            indices: the primvar's, in range, or none, shape (i,) or (0,).
+        """
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """The triangles of one gprim in its own space.
@@ -28,8 +45,8 @@ class Surface:
         faces: the polygon that each triangle came from, shape (f,).
         normals: shading normals, of any length, shape (m, 3); none for a flat surface.
         normal_indices: shape (f, 3), -1 for a flat triangle.
-        corners: of each triangle corner its place among the corners of `mesh`, shape (f, 3).
-        mesh: carries primvars to the corners of a mesh's polygons (a refined_mesh.RefinedMesh); None for other gprims.
+        corners: of each triangle corner its place among those of `carrier`, shape (f, 3), or (f, 1) for all three.
+        carrier: brings primvars to these places; None where the whole surface is one.
     """
 
     points: FloatArray
@@ -38,14 +55,18 @@ class Surface:
     normals: FloatArray
     normal_indices: IntArray
     corners: IntArray | None = None
-    mesh: Any = None
+    carrier: PrimvarCarrier | None = None
 
 
 def flat_surface(
-    points: FloatArray, triangles: IntArray, faces: IntArray, corners: IntArray | None = None, mesh: Any = None
+    points: FloatArray,
+    triangles: IntArray,
+    faces: IntArray,
+    corners: IntArray | None = None,
+    carrier: PrimvarCarrier | None = None,
 ) -> Surface:
     """A surface without shading normals."""
-    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64), corners, mesh)
+    return Surface(points, triangles, faces, np.empty((0, 3)), np.full(triangles.shape, -1, np.int64), corners, carrier)
 
 
 def reversed_surface(surface: Surface) -> Surface:
@@ -57,7 +78,7 @@ def reversed_surface(surface: Surface) -> Surface:
         -surface.normals,
         surface.normal_indices[:, ::-1],
         None if surface.corners is None else surface.corners[:, ::-1],
-        surface.mesh,
+        surface.carrier,
     )
 
 
