@@ -37,7 +37,9 @@ ALLOWED: dict[str, set[str]] = {
         "aovs", "cache", "config", "device", "errors", "film", "kernels", "learn", "output", "path_expression", "scene",
         "usd", "whole_numbers", "",
     },
-    "compare": {"config", "methods", "errors", "film", "output", "rendering.progress", "whole_numbers", ""},
+    "compare": {
+        "config", "methods", "errors", "film", "output", "rendering.progress", "rendering.stats", "whole_numbers", "",
+    },
     "cli": {
         "aovs", "compare", "config", "device.kernel_cache", "device.start", "errors", "inspection", "methods", "output",
         "rendering", "scene", "usd", "",

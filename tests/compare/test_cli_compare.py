@@ -94,6 +94,29 @@ def test_a_file_in_the_way(loaded: dict[str, Any], capsys: pytest.CaptureFixture
     assert "out: cannot be made a folder" in capsys.readouterr().err
 
 
+def test_denoised_rows(loaded: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    """Below each method, with less error and its own times; nothing is predicted."""
+    pytest.importorskip("pyoidn")
+    assert main("compare box.usda -o out --spp 64 --method nee --denoise".split()) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["method", "balance", "denoised", "nee", "denoised"]
+    sampled, denoised = lines[1].split(), lines[2].split()
+    assert float(denoised[1]) > 10.0 * float(sampled[1]), "efficiency"
+    assert float(denoised[2]) < float(sampled[2]) / 3.0, "error"
+    assert lines[2].count(">") == 3 and "~" not in lines[2] and lines[1].count("~") == 5
+
+
+def test_denoising_without_its_package(
+    loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    assert main("compare box.usda -o out --denoise".split()) == 2
+    assert capsys.readouterr().err == (
+        "warpmis: error: denoising needs Open Image Denoise: pip install 'warpmis[denoise]'\n"
+    )
+    assert not loaded, "found out before the stage is loaded"
+
+
 class Interrupting(FakeRender):
     """Ctrl-C at one of the renders."""
 
@@ -125,6 +148,30 @@ def test_interrupted_it_writes_what_it_has(
             told.add((len(summary["methods"]), summary["repeats"], sum("interrupt" in w for w in summary["warnings"])))
             assert Path(f"out{at}/report.html").is_file()
     assert told == {(1, 1, 3), (2, 1, 2), (2, 2, 2), (2, 1, 1)}, "methods, repetitions, lines about the interrupt"
+
+
+def test_interrupted_with_denoising_it_writes_what_it_has(
+    loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A method may be there without its denoised runs, which the report then says; never the other way round."""
+    pytest.importorskip("pyoidn")
+    told = set()
+    for at in range(40):
+        render = Interrupting()
+        render.at = at
+        monkeypatch.setitem(vars(warpmis), "render", render)
+        if main(f"compare box.usda -o out{at} --spp 16 --repeats 2 --method nee --denoise".split()) == 0:
+            break
+        report = Path(f"out{at}/report.json")
+        if report.exists():
+            summary = json.loads(report.read_text())
+            denoised = [method["denoised"] is not None for method in summary["methods"]]
+            missing = sum("denoised was not measured before the interrupt" in line for line in summary["warnings"])
+            assert missing == denoised.count(False)
+            told.add((len(denoised), sum(denoised), summary["repeats"]))
+            assert ("With and without denoising" in Path(f"out{at}/report.html").read_text()) == any(denoised)
+    assert told == {(1, 0, 1), (1, 1, 1), (2, 1, 1), (2, 2, 1), (2, 2, 2)}, "methods, denoised ones, repetitions"
+    capsys.readouterr()
 
 
 def test_progress_on_a_terminal_alone(loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,3 +212,15 @@ def test_a_method_against_itself() -> None:
     experiment = run_experiment(scene, variants, Settings(spp=64, repeats=9))
     efficiency = summarize(experiment, "cornell")["methods"][1]["efficiency"]
     assert efficiency["low"] <= 1.0 <= efficiency["high"]
+
+
+def test_a_real_comparison_with_denoising(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Less error with the same samples, and all of the time that it takes."""
+    pytest.importorskip("pyoidn")
+    command = f"compare {CORNELL} -w 48 --spp 64 --repeats 2 --method balance --denoise --json --quiet -o"
+    assert main([*command.split(), str(tmp_path)]) == 0
+    (method,) = json.loads(capsys.readouterr().out)["methods"]
+    noisy, denoised = method["runs"][-1], method["denoised"]["runs"][-1]
+    assert denoised["relative_error"]["high"] < 0.5 * noisy["relative_error"]["low"]
+    assert 0.0 < denoised["denoise_seconds"] < denoised["seconds"]["median"]
+    assert (tmp_path / method["denoised"]["files"]["equal_time_png"]).is_file()

@@ -150,6 +150,73 @@ def test_a_machine_that_slows_down_gets_shorter_runs(fake: FakeRender) -> None:
     assert "1024 samples" in slow["reference"]["source"]
 
 
+# ---- denoising ------------------------------------------------------------------------------------------------------
+
+
+def test_denoising_is_measured_with_its_time(fake: FakeRender) -> None:
+    """Half a second of denoising is five samples per pixel; a fourth of the noise, 16 times less squared error."""
+    pytest.importorskip("pyoidn")
+    summary = compared(BALANCE, NEE, *swept("max-depth", [2]), denoise=True)
+    for label in ("balance", "nee"):
+        method = summary["methods"][label]
+        denoised = method["denoised"]
+        assert [point["spp"] for point in denoised["runs"]] == [4, 16, 64]
+        for point in denoised["runs"]:
+            assert point["seconds"]["median"] == pytest.approx(0.1 * point["spp"] + 0.5)
+            assert point["denoise_seconds"] == 0.5
+            error = point["relative_error"]["median"]
+            assert error == pytest.approx(0.25 * 0.985 / np.sqrt(point["spp"]), rel=0.05)
+        assert denoised["equal_time"]["spp"] == 59, "what 6.4 s have room for besides denoising"
+        assert denoised["equal_time"]["seconds"]["median"] == pytest.approx(6.4)
+        assert denoised["efficiency"]["median"] == pytest.approx(16.0 * 59 / 64, rel=0.1)
+        assert method["runs"][0]["denoise_seconds"] == method["equal_time"]["denoise_seconds"] == 0.0
+        assert method["efficiency"]["median"] == pytest.approx(1.0, rel=0.1), "the noisy picture's own is as it was"
+    assert summary["methods"]["auto, max-depth 2"]["denoised"] is None
+    assert compared(BALANCE)["methods"]["balance"]["denoised"] is None
+
+
+def test_times_to_an_error_with_denoising(fake: FakeRender) -> None:
+    """0.12 after 4 samples and 0.9 s, 0.031 after 64 and 6.9 s: no prediction goes beyond."""
+    pytest.importorskip("pyoidn")
+    arrivals = compared(BALANCE, denoise=True)["methods"]["balance"]["denoised"]["time_to"]
+    assert [arrival["kind"] for arrival in arrivals] == ["measured", "measured", "later", "later", "later"]
+    assert 0.9 < arrivals[0]["seconds"]["median"] < arrivals[1]["seconds"]["median"] < 6.9
+    assert arrivals[2]["seconds"]["median"] == pytest.approx(6.9)
+
+
+@pytest.mark.parametrize(("left", "is_resolved"), [(0.16, True), (0.05, False)])
+def test_less_error_than_the_reference_has(fake: FakeRender, left: float, is_resolved: bool) -> None:
+    """The reference's own is 1 / 16 of the squared error of the longest run. What is left of it by denoising is 0.4 of
+    that, which can be told, or 0.04 of it, of which the report says that it is below a fourth."""
+    pytest.importorskip("pyoidn")
+    fake.denoised_noise = left
+    summary = compared(BALANCE, denoise=True, repeats=9)
+    point = summary["methods"]["balance"]["denoised"]["runs"][-1]
+    expected = left / 8.0 if is_resolved else 0.5 / 4.0 / 8.0
+    assert point["relative_error"]["median"] == pytest.approx(0.985 * expected, rel=0.08)
+    assert point["below_reference"] is not is_resolved
+    warning = "balance, denoised: runs with less error than can be told from the reference's own noise"
+    assert any(line.startswith(warning) for line in summary["warnings"]) is not is_resolved
+
+
+def test_denoising_needs_samples_for_two(fake: FakeRender) -> None:
+    """A method that needs 4 samples needs 8 with denoising; one that has not got them is measured without."""
+    pytest.importorskip("pyoidn")
+    rounds = Variant("rounds", {"method": "murray20"}, {"spp": 16, "rounds": 1})
+    assert (rounds.least_spp({}), rounds.denoised().least_spp({})) == (16, 32)
+    summary = compared(BALANCE, rounds, spp=16, denoise=True)
+    assert summary["methods"]["rounds"]["denoised"] is None
+    assert "rounds, denoised needs more than 16 samples per pixel: raise --spp" in summary["warnings"]
+
+
+def test_denoising_is_part_of_the_time(fake: FakeRender) -> None:
+    """2 (85/64 + 1) samples without and as many with, and 16: 2.53 s at 0.1 s; ten denoised runs, 5 s."""
+    pytest.importorskip("pyoidn")
+    settings = {"spp": None, "repeats": 2, "denoise": True}
+    assert compared(BALANCE, **settings, seconds=2.532 * 24 + 5.5)["spp"] == 24
+    assert compared(BALANCE, **settings, seconds=2.532 * 24 + 4.5)["spp"] == 16
+
+
 # ---- the reference --------------------------------------------------------------------------------------------------
 
 
@@ -245,8 +312,8 @@ def test_settings_are_checked(settings: dict[str, Any]) -> None:
 def test_notes_of_every_method_are_told(fake: FakeRender, monkeypatch: pytest.MonkeyPatch) -> None:
     """Such as that samples were not finite: whichever method they were of."""
 
-    def render(scene: Any, *, config: Any, progress: Any = None) -> warpmis.RenderResult:
-        return replace(fake(scene, config=config, progress=progress), notes=("of all", f"of {config.method}"))
+    def render(scene: Any, *, config: Any, **options: Any) -> warpmis.RenderResult:
+        return replace(fake(scene, config=config, **options), notes=("of all", f"of {config.method}"))
 
     monkeypatch.setitem(vars(warpmis), "render", render)
     assert compared(BALANCE, NEE)["notes"] == ["of all", "of balance", "of nee"]

@@ -22,6 +22,7 @@ from warpmis.compare.flip import flip
 from warpmis.compare.measure import Settings, run_experiment
 from warpmis.compare.variants import chosen_variants, swept
 from warpmis.compare.write import write_comparison
+from warpmis.output.exr import read_exr
 from warpmis.output.report.pixels import DIVERGING, exposure_for, packed, ratio_map
 from warpmis.output.report.plot import Axes, error_plot
 from warpmis.output.report.text import percent, ratio_text, seconds_text
@@ -99,7 +100,8 @@ def test_plot_is_logarithmic_and_holds_everything() -> None:
     spread = {"low": 0.09, "median": 0.1, "high": 0.12}
     method: dict[str, Any] = {
         "label": "a",
-        "runs": [{"spp": 4, "seconds": {"median": 2.0}, "relative_error": spread}],
+        "runs": [{"spp": 4, "seconds": {"median": 2.0}, "relative_error": spread, "below_reference": False}],
+        "denoised": None,
         "time_to": [
             {"kind": "predicted", "relative_error": 0.05, "seconds": {"median": 8.0}},
             {"kind": "predicted", "relative_error": 0.001, "seconds": {"median": 2e4}},
@@ -110,6 +112,12 @@ def test_plot_is_logarithmic_and_holds_everything() -> None:
     places = [float(x) for x in re.findall(r"translate\(([\d.]+) [\d.]+\) scale", svg)]
     assert len(places) == 1 and 74.0 < places[0] < 842.0
     assert "5 %</text>" in svg and "0.1 %" not in svg, "what is too far away is not shown"
+    better = [{**method["runs"][0], "relative_error": dict.fromkeys(spread, 0.01), "below_reference": True}]
+    method["denoised"] = {"label": "a, denoised", "runs": better, "time_to": []}
+    svg = error_plot([method], [0.05, 0.001], 0.06)
+    assert svg.count('class="series denoised s0"') == 1 and "a, denoised, 4 spp: &lt; 1 % after" in svg
+    _, lower = (float(y) for y in re.findall(r"translate\([\d.]+ ([\d.]+)\) scale", svg))
+    assert lower < 470.0 - 52.0, "the axis reaches down to it"
 
 
 @pytest.mark.parametrize(
@@ -124,6 +132,47 @@ def test_plot_is_logarithmic_and_holds_everything() -> None:
 )  # fmt: skip
 def test_numbers_as_people_read_them(text: str, expected: str) -> None:
     assert text == expected
+
+
+# ---- denoising ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def denoised_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of three methods with denoising, and a sweep."""
+    pytest.importorskip("pyoidn")
+    path = tmp_path_factory.mktemp("denoised")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(vars(warpmis), "render", FakeRender())
+        variants = [*chosen_variants(["nee", "murray20"]), *swept("max-depth", [4])]
+        experiment = run_experiment(SCENE, variants, Settings(spp=64, denoise=True))
+        write_comparison(experiment, "fake.usda", path)
+    return path
+
+
+def test_the_page_tells_what_denoising_does(page: str, denoised_folder: Path) -> None:
+    summary = json.loads((denoised_folder / "report.json").read_text())
+    denoised = (denoised_folder / "report.html").read_text(encoding="utf-8")
+    for words in ("With and without denoising", 'data-set="denoised"', "Hollow points", "</b> denoised</span>"):
+        assert words in denoised and words not in page, words
+    assert denoised.count('class="series denoised') == 3, "one for each method; the sweep has none"
+    for method in summary["methods"][:3]:
+        with_it = method["denoised"]
+        assert percent(with_it["equal_time"]["relative_error"]["median"]) in denoised
+        if HAS_FLIP:
+            assert with_it["flip"] < method["flip"] and with_it["flip_equal_samples"] < method["flip_equal_samples"]
+            assert f"<br><b>{with_it['flip_equal_samples']:.3f}</b>" in denoised
+    assert summary["methods"][3]["denoised"] is None
+
+
+def test_denoised_pictures_are_files(denoised_folder: Path) -> None:
+    summary = json.loads((denoised_folder / "report.json").read_text())
+    files = summary["methods"][1]["denoised"]["files"]
+    assert files["equal_time"] == "nee-denoised.exr" and files["equal_samples_png"] == "nee-denoised-samples.png"
+    channels, _ = read_exr(denoised_folder / files["equal_samples"])
+    picture = np.stack([channels[f"denoised.{name}"] for name in "RGB"], axis=-1)
+    error = np.sqrt(np.mean((picture / TRUTH - 1.0) ** 2))
+    assert error == pytest.approx(0.25 / np.sqrt(64), rel=0.05)
 
 
 # ---- FLIP -----------------------------------------------------------------------------------------------------------
@@ -183,6 +232,8 @@ try {
   found.pictures = [...document.querySelectorAll("#strip button")].map((button) => button.childNodes[1].textContent);
   document.querySelectorAll("#strip button")[3].click();
   found.selected = name();
+  const denoised = $("[data-set=denoised]");
+  found.denoised = denoised && [name(), look("[data-set=samples]") !== look("[data-set=denoised]"), $("#about").textContent];
   found.requests = performance.getEntriesByType("resource").map((entry) => entry.name)
     .filter((address) => !/^(data|blob):/.test(address));
 } catch (error) { found.errors.push(String(error)); }
@@ -193,9 +244,8 @@ document.body.append(out);
 })()</script>"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-def test_in_a_browser(page: str, tmp_path: Path) -> None:
-    """No error, no request, and the viewer answers."""
+def looked_at(page: str, tmp_path: Path) -> dict[str, Any]:
+    """What a browser finds when it clicks through the page."""
     probed = tmp_path / "probed.html"
     probed.write_text(page.replace("<title>", LISTEN + "<title>").replace("</body>", CLICK + "</body>"))
     command = [
@@ -206,7 +256,14 @@ def test_in_a_browser(page: str, tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout)
     assert match, done.stderr[-2000:]
-    found = json.loads(html.unescape(match[1]))
+    found: dict[str, Any] = json.loads(html.unescape(match[1]))
+    return found
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_in_a_browser(page: str, tmp_path: Path) -> None:
+    """No error, no request, and the viewer answers."""
+    found = looked_at(page, tmp_path)
     assert found["errors"] == [] and found["requests"] == []
     assert (found["first"], found["flipped"]) == ("balance", "reference")
     assert found["zoomed"] == "2×"
@@ -216,3 +273,14 @@ def test_in_a_browser(page: str, tmp_path: Path) -> None:
     assert found["flipOff"] != HAS_FLIP
     assert found["pictures"] == ["reference", "balance", "nee", "murray20"]
     assert found["selected"] == "murray20"
+    assert found["denoised"] is None
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_denoised_pictures_in_a_browser(denoised_folder: Path, tmp_path: Path) -> None:
+    """The sampled and the denoised picture of the same method differ, and the caption has the denoised one's figures."""
+    found = looked_at((denoised_folder / "report.html").read_text(encoding="utf-8"), tmp_path)
+    assert found["errors"] == []
+    name, differs, about = found["denoised"]
+    assert (name, differs) == ("murray20", True)
+    assert "59\N{NO-BREAK SPACE}spp" in about

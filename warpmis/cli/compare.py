@@ -53,6 +53,9 @@ def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
         "--sweep", action="append", type=_sweep, metavar="NAME=A,B", default=[],
         help=f"also run the default method with each value of one setting: {', '.join(KNOBS)} (repeatable)",
     )  # fmt: skip
+    group.add_argument(
+        "--denoise", action="store_true", help="also measure every method with denoising (needs Open Image Denoise)"
+    )
     group.add_argument("--reference", metavar="FILE.exr", help="the reference picture (default: rendered by balance)")
     group.add_argument(
         "--reference-spp",
@@ -146,6 +149,7 @@ def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
     common = given(max_depth=arguments.max_depth, device=arguments.device, threads=arguments.threads)
     return {
         "common": common,
+        "denoise": arguments.denoise,
         **given(
             seed=arguments.seed,
             repeats=arguments.repeats,
@@ -162,22 +166,21 @@ def _print_table(summary: Mapping[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from warpmis.output.report.text import percent, ratio_text, seconds_text
+    from warpmis.output.report.text import error_text, percent, ratio_text, seconds_text
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("method")
     for heading in ("efficiency", "error", *(f"to {percent(target)}" for target in summary["targets"])):
         table.add_column(heading, justify="right", no_wrap=True)
-    for method in summary["methods"]:
-        table.add_row(
-            method["label"],
-            ratio_text(method["efficiency"]["median"]),
-            percent(method["equal_time"]["relative_error"]["median"]),
-            *_arrivals(method["time_to"], seconds_text),
-        )
+    rows = [(method, method["label"]) for method in summary["methods"]]
+    rows = [both for one, label in rows for both in ((one, label), (one["denoised"], "  denoised"))]
+    for row, label in rows:
+        if row is not None:
+            efficiency, error = ratio_text(row["efficiency"]["median"]), error_text(row["equal_time"])
+            table.add_row(label, efficiency, error, *_arrivals(row["time_to"], seconds_text))
     Console().print(table)
 
 
 def _arrivals(arrivals: Sequence[Mapping[str, Any]], text: Any) -> list[str]:
-    sign = {"measured": "", "predicted": "~", "sooner": "<"}
+    sign = {"measured": "", "predicted": "~", "sooner": "<", "later": ">"}
     return ["never" if a["kind"] == "never" else f"{sign[a['kind']]}{text(a['seconds']['median'])}" for a in arrivals]

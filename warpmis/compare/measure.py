@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import warpmis
-from warpmis.compare.plan import REFERENCE_FACTOR, affordable_spp, ladder
+from warpmis.compare.plan import LADDER, REFERENCE_FACTOR, affordable_spp, ladder
 from warpmis.compare.reference import PARTS, Reference, merged_reference, read_reference, tracing_seconds
 from warpmis.compare.variants import Variant
 from warpmis.config import MAX_SECONDS
 from warpmis.errors import ConfigError
-from warpmis.film.metrics import mean_squared_error, relative_mse, squared_error, squared_scale
+from warpmis.film.metrics import kept_pixels, mean_squared_error, squared_error, squared_scale
+from warpmis.film.oidn import require_oidn
 from warpmis.rendering.progress import Progress
+from warpmis.rendering.stats import RenderStats
 from warpmis.whole_numbers import checked_integer
 
 ProgressCallback = Callable[[Progress], None]
@@ -38,6 +40,10 @@ class Settings:
         seconds: about how long all of it may take [s].
         reference: an EXR; None renders one.
         reference_spp: samples per pixel of a rendered reference; None takes 16 times those of the longest runs.
+        denoise: measure every method once more with denoising, those of a sweep left out.
+
+    Raises:
+        ConfigError: a setting is impossible, or denoising is asked for without its package.
     """
 
     common: Mapping[str, Any] = field(default_factory=dict)
@@ -47,6 +53,7 @@ class Settings:
     seconds: float = 200.0
     reference: str | None = None
     reference_spp: int | None = None
+    denoise: bool = False
 
     def __post_init__(self) -> None:
         checked_integer("seed", self.seed)
@@ -57,21 +64,25 @@ class Settings:
             checked_integer("reference_spp", self.reference_spp)
         if not 0.0 < self.seconds <= MAX_SECONDS:
             raise ConfigError(f"the time for the comparison must be above 0 and finite, got {self.seconds:g} s")
+        if self.denoise:
+            require_oidn()
 
 
 @dataclass(frozen=True)
 class Run:
     """One timed render.
 
-    Errors include the reference's noise; `seconds` and `learn_seconds` exclude compilation; rejected samples are those
-    that were not finite.
+    Errors include the reference's noise, of which `reference_noise` is in `relative_mse`. `seconds` and `learn_seconds`
+    exclude compilation; `denoise_seconds` are a part of `seconds`. Rejected samples are those that were not finite.
     """
 
     spp: int
     seed: int
     seconds: float
     learn_seconds: float
+    denoise_seconds: float
     relative_mse: float
+    reference_noise: float
     mean_squared_error: float
     rejected_samples: int
 
@@ -105,18 +116,27 @@ class Measurement:
 
     Attributes:
         compile_seconds: of its first render [s].
+        denoise_seconds: what denoising adds to a run, however many samples it has [s].
         runs: by samples per pixel, the repetitions of each budget.
         equal_time: the repetitions of the run that takes as long as the baseline's longest.
         longest, in_equal_time: pictures of the largest budget, and of the equal time.
+        denoised: the same method with denoising; None where that was not asked for.
     """
 
     variant: Variant
     compile_seconds: float
     seconds_per_spp: float
+    denoise_seconds: float = 0.0
     runs: dict[int, list[Run]] = field(default_factory=dict)
     equal_time: list[Run] = field(default_factory=list)
     longest: Pictures | None = None
     in_equal_time: Pictures | None = None
+    denoised: Measurement | None = None
+
+
+def with_denoised(measurements: Iterable[Measurement]) -> list[Measurement]:
+    """Each one, and behind it what was measured of it with denoising."""
+    return [one for measurement in measurements for one in (measurement, measurement.denoised) if one is not None]
 
 
 @dataclass(eq=False)
@@ -146,6 +166,9 @@ def run_experiment(
     bench = _Bench(scene, settings, progress)
     given = read_reference(settings.reference, scene.resolution) if settings.reference else None
     measurements = [bench.calibrated(variant) for variant in variants]
+    for measurement in measurements:
+        if settings.denoise and not measurement.variant.knob:
+            measurement.denoised = bench.calibrated(measurement.variant.denoised())
     spp = settings.spp or bench.affordable(measurements, reference=given is None and settings.reference_spp is None)
     reference_spp = 0 if given else settings.reference_spp or REFERENCE_FACTOR * spp
     bench.expect(measurements, spp, reference_spp)
@@ -154,11 +177,7 @@ def run_experiment(
         bench.slowdown = bench.reference.seconds / (reference_spp * measurements[0].seconds_per_spp)
         spp = min(spp, bench.affordable(measurements, reference=False))
         bench.expect(measurements, spp, 0)
-    left_out = []
-    for measurement in list(measurements):
-        if not _budgets(measurement, settings, spp):
-            left_out.append(f"{measurement.variant.label} needs more than {spp} samples per pixel: raise --spp")
-            measurements.remove(measurement)
+    left_out = _without_impossible(measurements, settings, spp)
     experiment = Experiment(scene, settings, spp, bench.reference, measurements, left_out)
     try:
         _measure(bench, measurements, spp)
@@ -167,16 +186,27 @@ def run_experiment(
     return experiment
 
 
+def _without_impossible(measurements: list[Measurement], settings: Settings, spp: int) -> list[str]:
+    """Remove what can do no rung of the ladder, and name it."""
+    impossible = [one for one in with_denoised(measurements) if not _budgets(one, settings, spp)]
+    measurements[:] = [one for one in measurements if one not in impossible]
+    for measurement in measurements:
+        if measurement.denoised in impossible:
+            measurement.denoised = None
+    return [f"{one.variant.label} needs more than {spp} samples per pixel: raise --spp" for one in impossible]
+
+
 def _measure(bench: _Bench, measurements: Sequence[Measurement], spp: int) -> None:
     """The ladder up to `spp`, then every variant for as long as the baseline's longest run took."""
     settings = bench.settings
+    every = with_denoised(measurements)
     for repeat in range(settings.repeats):
-        for measurement in _in_turn(measurements, repeat):
+        for measurement in _in_turn(every, repeat):
             for budget in _budgets(measurement, settings, spp):
                 bench.climb(measurement, budget, longest=budget == spp, repeat=repeat)
     seconds = min(run.seconds for run in measurements[0].runs[spp])
     for repeat in range(settings.repeats):
-        for measurement in _in_turn(measurements, repeat):
+        for measurement in _in_turn(every, repeat):
             bench.spend(measurement, seconds, repeat)
 
 
@@ -218,8 +248,10 @@ class _Bench:
 
     def affordable(self, measurements: Sequence[Measurement], *, reference: bool) -> int:
         """The longest runs' samples per pixel that the rest of the time has room for."""
+        every = with_denoised(measurements)
         rest = self.settings.seconds - (time.perf_counter() - self.started)
-        costs = [measurement.seconds_per_spp * max(1.0, self.slowdown) for measurement in measurements]
+        rest -= self.settings.repeats * (len(LADDER) + 1) * sum(one.denoise_seconds for one in every)
+        costs = [one.seconds_per_spp * max(1.0, self.slowdown) for one in every]
         return affordable_spp(max(rest, 0.0), costs, self.settings.repeats, reference=reference)
 
     def render(self, variant: Variant, spp: int, what: str) -> warpmis.RenderResult:
@@ -232,7 +264,7 @@ class _Bench:
                 detail = f"{what}, {spp} spp"
                 self.progress(Progress(variant.label, self.done + inner.done, self.total, 0, 0.0, detail))
 
-        result = warpmis.render(self.scene, config=config, progress=show)
+        result = warpmis.render(self.scene, config=config, progress=show, denoise=variant.denoise)
         self.done += spp * self.pixels
         return result
 
@@ -241,14 +273,15 @@ class _Bench:
         spp = variant.least_spp(self.settings.common)
         compile_seconds = float(self.render(variant, spp, "compile").stats["seconds"]["compile"])
         while True:
-            seconds = tracing_seconds(self.render(variant, spp, "trial").stats)
+            stats = self.render(variant, spp, "trial").stats
+            seconds = tracing_seconds(stats)
             if seconds > SHORTEST_TRIAL or spp > 100_000:
-                return Measurement(variant, compile_seconds, seconds / spp)
+                return Measurement(variant, compile_seconds, seconds / spp, _denoise_seconds(stats))
             spp *= 8
 
     def expect(self, measurements: Sequence[Measurement], spp: int, reference_spp: int) -> None:
         """Tell the progress how many samples are to come."""
-        each = sum(sum(ladder(spp)) + spp for _ in measurements)
+        each = sum(sum(ladder(spp)) + spp for _ in with_denoised(measurements))
         self.done, self.total = 0, self.pixels * (self.settings.repeats * each + reference_spp)
 
     def rendered_reference(self, variants: Sequence[Variant], spp: int) -> Reference:
@@ -271,8 +304,10 @@ class _Bench:
     def spend(self, measurement: Measurement, seconds: float, repeat: int) -> None:
         """One run of as many samples as `seconds` have room for."""
         spp, runs = max(measurement.runs.items())
-        cost = min(run.seconds for run in runs) / spp  # what disturbs a run only ever makes it longer
-        affordable = max(measurement.variant.least_spp(self.settings.common), round(seconds / cost))
+        # What disturbs a run only ever makes it longer.
+        cost = min(run.seconds - run.denoise_seconds for run in runs) / spp
+        rest = seconds - min(run.denoise_seconds for run in runs)
+        affordable = max(measurement.variant.least_spp(self.settings.common), round(rest / cost))
         what = f"equal time {repeat + 1}/{self.settings.repeats}"
         result, run = self._timed(measurement.variant, affordable, what)
         measurement.equal_time.append(run)
@@ -281,22 +316,31 @@ class _Bench:
     def _timed(self, variant: Variant, spp: int, what: str) -> tuple[warpmis.RenderResult, Run]:
         result = self.render(variant, spp, what)
         truth = self.reference.image
+        error = squared_error(result.shown, truth) / squared_scale(truth)
+        kept = kept_pixels(error)
         return result, Run(
             spp=spp,
             seed=int(result.settings["seed"]),
-            seconds=tracing_seconds(result.stats),
+            seconds=tracing_seconds(result.stats) + _denoise_seconds(result.stats),
             learn_seconds=float(result.stats["seconds"]["learn"]),
-            relative_mse=relative_mse(result.image, truth),
-            mean_squared_error=mean_squared_error(result.image, truth),
+            denoise_seconds=_denoise_seconds(result.stats),
+            relative_mse=float(error.ravel()[kept].mean()),
+            reference_noise=float(self.reference.relative_noise().ravel()[kept].mean()),
+            mean_squared_error=mean_squared_error(result.shown, truth),
             rejected_samples=int(result.stats["rejected_samples"]),
         )
 
     def _added(self, pictures: Pictures | None, result: warpmis.RenderResult) -> Pictures:
-        error = squared_error(result.image, self.reference.image) / squared_scale(self.reference.image)
-        image = result.image.astype(np.float64)
+        error = squared_error(result.shown, self.reference.image) / squared_scale(self.reference.image)
+        image = result.shown.astype(np.float64)
         if pictures is None:
             return Pictures(result, image, error)
         pictures.image_sum += image
         pictures.error_sum += error
         pictures.count += 1
         return pictures
+
+
+def _denoise_seconds(stats: RenderStats) -> float:
+    """What denoising took, 0 where there was none [s]."""
+    return float(stats["denoise"]["seconds"]) if "denoise" in stats else 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from warpmis.compare.measure import Measurement
+from warpmis.compare.measure import Measurement, with_denoised
 
 INTERRUPTED = "interrupted: there are fewer repetitions than were asked for"
 NO_EQUAL_TIME = "interrupted before the runs of equal time: the longest runs stand for them"
@@ -22,12 +22,16 @@ def keep_measured(measurements: list[Measurement]) -> list[str]:
         if measurement.longest is None:
             measurements.remove(measurement)
             lines.append(f"{measurement.variant.label} was not measured before the interrupt")
-    if any(not measurement.equal_time for measurement in measurements):
+        elif measurement.denoised is not None and measurement.denoised.longest is None:
+            lines.append(f"{measurement.denoised.variant.label} was not measured before the interrupt")
+            measurement.denoised = None
+    every = with_denoised(measurements)
+    if any(not measurement.equal_time for measurement in every):
         lines.append(NO_EQUAL_TIME)
-        for measurement in measurements:
+        for measurement in every:
             _, longest = max(measurement.runs.items())
             measurement.equal_time, measurement.in_equal_time = list(longest), measurement.longest
-    _cut_to_common(measurements)
+    _cut_to_common(every)
     return lines
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import warpmis
 from warpmis.compare.bias import bias_of
-from warpmis.compare.measure import Experiment, Measurement, Pictures, Run
+from warpmis.compare.measure import Experiment, Measurement, Pictures, Run, with_denoised
 from warpmis.compare.prediction import Curve, slope, time_to
 from warpmis.compare.reference import Reference
 from warpmis.film.metrics import OUTLIERS, without_outliers
@@ -23,6 +23,9 @@ TARGETS = (0.1, 0.05, 0.02, 0.01, 0.005)
 
 # A run whose error is not this many times the reference's own (both squared) says more about the reference.
 ABOVE_REFERENCE = 2.0
+
+# An error below this part of the reference's own (both squared) cannot be told from none.
+RESOLVED = 0.25
 
 # Repetitions of one run that differ by this factor tell of another program on the machine.
 BUSY = 1.3
@@ -83,27 +86,60 @@ def _method(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
     noise = _reference_noise(experiment.reference)
     bias = bias_of(_longest(measurement), experiment.reference)
     curve = _curve(measurement, noise, bias.squared)
-    share = _median(run.learn_seconds / run.seconds for run in measurement.equal_time)
+    scatter = _scatter(measurement)
     first = _pictures(measurement).first
     return {
-        "label": variant.label,
+        **_figures(measurement, experiment),
         "knob": variant.knob or None,
         "value": variant.value if variant.knob else None,
         "settings": first.settings,
         "strategies": list(first.strategies) if first.settings["method"] != "nee" else [],
-        "compile_seconds": measurement.compile_seconds,
-        "runs": [_point(runs, noise) for _, runs in sorted(measurement.runs.items())],
-        "equal_time": _point(measurement.equal_time, noise),
         "slope": _finite(slope(curve.seconds, [math.sqrt(error) for error in curve.errors])),
         "bias": {"relative_error": math.sqrt(bias.squared), "limit": bias.limit and math.sqrt(bias.limit)},
-        "efficiency": _efficiency(measurement, experiment.measurements[0], noise),
         "learning": {
-            "share_of_time": share,
+            "share_of_time": _learn_share(measurement),
             "per_sample": _cost(measurement) / _cost(experiment.measurements[0]),
         },
-        "rejected_samples": sum(run.rejected_samples for run in _all_runs(measurement)),
-        "time_to": [_arrival(curve, target, share, _scatter(measurement, noise)) for target in TARGETS],
+        "time_to": [_arrival(curve, target, _learn_share(measurement), scatter) for target in TARGETS],
+        "denoised": None if measurement.denoised is None else _denoised(measurement.denoised, experiment),
     }
+
+
+def _denoised(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
+    """A method's figures with denoising.
+
+    Nothing is predicted: no law says how the error of a denoised picture falls. Beyond the longest run a time is
+    "later" than that run's.
+    """
+    budgets = [runs for _, runs in sorted(measurement.runs.items())]
+    curve = Curve(
+        tuple(_median(run.seconds for run in runs) for runs in budgets),
+        tuple(_median(map(_without, runs)) for runs in budgets),
+    )
+    longest = _median(run.seconds for run in budgets[-1])
+    scatter = _spread([run.seconds / longest for run in budgets[-1]])
+    arrivals = [_arrival(curve, target, _learn_share(measurement), scatter) for target in TARGETS]
+    for arrival in arrivals:
+        if arrival["kind"] == "predicted":
+            times = {"low": longest, "median": longest, "high": longest}
+            arrival |= {"kind": "later", "seconds": times, "learn_seconds": None}
+    return {**_figures(measurement, experiment), "time_to": arrivals}
+
+
+def _figures(measurement: Measurement, experiment: Experiment) -> dict[str, Any]:
+    """What is told of a method without and with denoising."""
+    return {
+        "label": measurement.variant.label,
+        "compile_seconds": measurement.compile_seconds,
+        "runs": [_point(runs) for _, runs in sorted(measurement.runs.items())],
+        "equal_time": _point(measurement.equal_time),
+        "efficiency": _efficiency(measurement, experiment.measurements[0]),
+        "rejected_samples": sum(run.rejected_samples for run in _all_runs(measurement)),
+    }
+
+
+def _learn_share(measurement: Measurement) -> float:
+    return _median(run.learn_seconds / run.seconds for run in measurement.equal_time)
 
 
 def _arrival(curve: Curve, target: float, learn_share: float, scatter: dict[str, float]) -> dict[str, Any]:
@@ -119,20 +155,22 @@ def _arrival(curve: Curve, target: float, learn_share: float, scatter: dict[str,
     }
 
 
-def _scatter(measurement: Measurement, noise: float) -> dict[str, float]:
+def _scatter(measurement: Measurement) -> dict[str, float]:
     """relMSE x time of the longer runs over its median: as much scatters a time to an error."""
     _, runs = max(measurement.runs.items())
-    costs = [_without(run, noise) * run.seconds for run in _long_runs(measurement, runs)]
+    costs = [_without(run) * run.seconds for run in _long_runs(measurement, runs)]
     return _spread([cost / _median(costs) for cost in costs])
 
 
-def _point(runs: Sequence[Run], noise: float) -> dict[str, Any]:
-    """The repetitions of one budget: medians with their range."""
+def _point(runs: Sequence[Run]) -> dict[str, Any]:
+    """The repetitions of one budget: medians with their range; below_reference: the error is at most this."""
     return {
         "spp": runs[0].spp,
         "seeds": [run.seed for run in runs],
         "seconds": _spread([run.seconds for run in runs]),
-        "relative_error": _spread([math.sqrt(_without(run, noise)) for run in runs]),
+        "denoise_seconds": _median(run.denoise_seconds for run in runs),
+        "relative_error": _spread([math.sqrt(_without(run)) for run in runs]),
+        "below_reference": 2 * sum(map(_is_below_reference, runs)) > len(runs),
         "mean_squared_error": _spread([run.mean_squared_error for run in runs]),
     }
 
@@ -147,9 +185,9 @@ def _curve(measurement: Measurement, noise: float, bias: float) -> Curve:
     clear = [runs for runs in budgets if _median(run.relative_mse for run in runs) > ABOVE_REFERENCE * noise]
     budgets = clear or budgets[:1]
     seconds = [_median(run.seconds for run in runs) for runs in budgets]
-    errors = [_median(_without(run, noise) for run in runs) for runs in budgets]
+    errors = [_median(map(_without, runs)) for runs in budgets]
     bias = min(bias, 0.999 * min(errors))  # never above what was measured: they come from different trimmings
-    costs = [max(_without(run, noise) - bias, 0.0) * run.seconds for run in _long_runs(measurement, budgets[-1])]
+    costs = [max(_without(run) - bias, 0.0) * run.seconds for run in _long_runs(measurement, budgets[-1])]
     steady = _median(costs) / (errors[-1] - bias)
     if not seconds[:-1] or steady > seconds[-2]:  # else the machine was too busy to tell
         seconds[-1] = steady
@@ -165,13 +203,10 @@ def _long_runs(measurement: Measurement, longest: Sequence[Run]) -> list[Run]:
     return [*longest, *(run for run in measurement.equal_time if run.spp >= 0.5 * longest[0].spp)]
 
 
-def _efficiency(measurement: Measurement, baseline: Measurement, noise: float) -> dict[str, float]:
+def _efficiency(measurement: Measurement, baseline: Measurement) -> dict[str, float]:
     """1 / (relMSE x time) over the baseline's, each repetition with the baseline's of the same turn."""
     pairs = zip(measurement.equal_time, baseline.equal_time, strict=True)
-    ratios = [
-        _without(theirs, noise) * theirs.seconds / (_without(ours, noise) * ours.seconds) for ours, theirs in pairs
-    ]
-    return _spread(ratios)
+    return _spread([_without(theirs) * theirs.seconds / (_without(ours) * ours.seconds) for ours, theirs in pairs])
 
 
 def _doubts(experiment: Experiment, first: Run) -> list[str]:
@@ -182,11 +217,16 @@ def _doubts(experiment: Experiment, first: Run) -> list[str]:
         doubts.append(f"{experiment.reference.source}: {unknown}")
     elif first.relative_mse < 4.0 * _reference_noise(experiment.reference):
         doubts.append("the reference is hardly better than the longest runs: raise --reference-spp")
-    for measurement in experiment.measurements:
+    every = with_denoised(experiment.measurements)
+    for measurement in every:
         rejected = sum(run.rejected_samples for run in _all_runs(measurement))
         if rejected:
             doubts.append(f"{measurement.variant.label}: {rejected} samples were not finite and are in no picture")
-    times = [_spread([run.seconds for run in measurement.equal_time]) for measurement in experiment.measurements]
+    level = [one.variant.label for one in every if any(map(_is_below_reference, _all_runs(one)))]
+    if level:
+        noise = "runs with less error than can be told from the reference's own noise; raise --reference-spp"
+        doubts.append(f"{'; '.join(level)}: {noise}")
+    times = [_spread([run.seconds for run in measurement.equal_time]) for measurement in every]
     worst = max(time["high"] / time["low"] for time in times)
     if worst > BUSY:
         doubts.append(
@@ -200,9 +240,13 @@ def _reference_noise(reference: Reference) -> float:
     return float(without_outliers(reference.relative_noise()).mean())
 
 
-def _without(run: Run, noise: float) -> float:
-    """relMSE without the reference's part; at least a thousandth of what was measured."""
-    return max(run.relative_mse - noise, 1e-3 * run.relative_mse, 1e-30)
+def _without(run: Run) -> float:
+    """relMSE without the reference's part; at least what can be told from none."""
+    return max(run.relative_mse - run.reference_noise, RESOLVED * run.reference_noise, 1e-30)
+
+
+def _is_below_reference(run: Run) -> bool:
+    return run.relative_mse - run.reference_noise < RESOLVED * run.reference_noise
 
 
 def _cost(measurement: Measurement) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
@@ -35,6 +35,7 @@ class Variant:
         label: what it is called.
         render, learn: settings of RenderConfig and LearnConfig that set it apart.
         knob, value: what is swept and its value here; "" and 0 outside a sweep.
+        denoise: whether its picture is the denoised one.
     """
 
     label: str
@@ -42,6 +43,11 @@ class Variant:
     learn: Mapping[str, Any] = field(default_factory=dict)
     knob: str = ""
     value: int = 0
+    denoise: bool = False
+
+    def denoised(self) -> Variant:
+        """The same, denoised."""
+        return replace(self, label=f"{self.label}, denoised", denoise=True)
 
     def config(self, common: Mapping[str, Any], spp: int, seed: int) -> RenderConfig:
         """The settings of one run; ConfigError where the variant needs more samples.
@@ -52,7 +58,10 @@ class Variant:
         if "spp" in learn and "rounds" not in learn:
             default = RenderConfig(**{**common, **self.render}, spp=spp).learn_rounds()
             learn["rounds"] = max(1, min(default, spp // learn["spp"]))
-        return RenderConfig(**{**common, **self.render}, learn=LearnConfig(**learn), spp=spp, seed=seed)
+        config = RenderConfig(**{**common, **self.render}, learn=LearnConfig(**learn), spp=spp, seed=seed)
+        if self.denoise:
+            replace(config, spp=spp // 2)  # denoising renders two halves, and each must be possible
+        return config
 
     def least_spp(self, common: Mapping[str, Any]) -> int:
         """The first of 4, 8, 16, ... samples per pixel that is enough for the variant's learn rounds."""
@@ -98,9 +107,9 @@ def swept(knob: str, values: Sequence[int]) -> list[Variant]:
     method = RenderConfig().method
     variants = []
     for value in values:
-        settings: dict[str, dict[str, Any]] = {"render": {"method": method}, "learn": {}}
-        settings[part][name] = value
-        variants.append(Variant(f"{method}, {knob} {value}", **settings, knob=knob, value=value))
+        render = {"method": method, **({name: value} if part == "render" else {})}
+        learn = {name: value} if part == "learn" else {}
+        variants.append(Variant(f"{method}, {knob} {value}", render, learn, knob, value))
         variants[-1].least_spp({})  # refuses now what no number of samples makes right
     return variants
 

@@ -32,6 +32,11 @@ def squared_scale(reference: NDArray[np.floating]) -> Float64Array:
     return luminance**2 + (DARK * luminance.mean()) ** 2
 
 
+def kept_pixels(errors: NDArray[np.floating], outliers: float = OUTLIERS) -> NDArray[np.intp]:
+    """Where all but the largest `outliers` of the values stand in the flattened array, shape (n,)."""
+    return np.argsort(errors, axis=None)[: errors.size - int(outliers * errors.size)]
+
+
 def without_outliers(values: NDArray[np.floating], outliers: float = OUTLIERS) -> Float64Array:
     """All values but the largest `outliers` of them, sorted, one-dimensional; of fewer than 1/outliers, all."""
     ordered = np.sort(np.asarray(values, np.float64), axis=None)

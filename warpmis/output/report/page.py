@@ -17,8 +17,11 @@ from warpmis.output.balance_map import balance_map, sample_shares
 from warpmis.output.legend import with_legend
 from warpmis.output.report.pixels import diverging_gradient, exposure_for, packed, png_uri, ratio_map
 from warpmis.output.report.plot import error_plot, marker
-from warpmis.output.report.tables import cost_table, glance_table, time_table
-from warpmis.output.report.text import percent, ratio_text, seconds_text
+from warpmis.output.report.tables import cost_table, denoised_table, glance_table, time_table
+from warpmis.output.report.text import error_text, percent, ratio_text, seconds_text
+
+# The viewer's button for the denoised pictures.
+_DENOISED_SET = '<button\n type="button" data-set="denoised" aria-pressed="false">equal time, denoised</button>'
 
 # The error that the report's first sentence speaks of.
 GOOD_ENOUGH = 0.02
@@ -36,6 +39,8 @@ class MethodPictures:
         allocation: shape (H, W, S); None where nothing was learned.
         strategies: the S names.
         next_event: as balance_map has it.
+        denoised: the denoised picture at equal time, linear Rec.709, shape (H, W, 3); None without denoising.
+        denoised_flip: FLIP's false colours for it, as in `flip`.
     """
 
     label: str
@@ -46,6 +51,8 @@ class MethodPictures:
     allocation: NDArray[np.floating] | None = None
     strategies: tuple[str, ...] = ()
     next_event: NDArray[np.floating] | None = None
+    denoised: NDArray[np.floating] | None = None
+    denoised_flip: NDArray[np.uint8] | None = None
 
     def balance_map(self) -> NDArray[np.uint8]:
         """The allocation as a picture with its legend, sRGB, shape (rows, columns, 3)."""
@@ -66,6 +73,7 @@ def report_page(summary: Mapping[str, Any], reference: NDArray[np.floating], pic
     methods = [method for method in summary["methods"] if not method["knob"]]
     flip = any(method["flip"] is not None for method in methods)
     noise = summary["reference"]["relative_error"]
+    denoised = any(method["denoised"] is not None for method in methods)
     compared = [shown for shown in pictures if shown.label in {method["label"] for method in methods}]
     return Template(_text("page.html")).substitute(
         style=_text("page.css"),
@@ -77,6 +85,9 @@ def report_page(summary: Mapping[str, Any], reference: NDArray[np.floating], pic
         verdict=_verdict(methods, summary["baseline"]),
         messages=_messages(summary),
         glance=glance_table(methods, flip),
+        denoised=_denoised(methods, flip),
+        plot_note=" Hollow points on dotted lines are denoised; nothing is predicted of them." if denoised else "",
+        denoised_set=_DENOISED_SET if denoised else "",
         legend=_legend(methods),
         plot=error_plot(methods, summary["targets"], noise),
         times=time_table(methods, summary["targets"]),
@@ -130,8 +141,23 @@ def _messages(summary: Mapping[str, Any]) -> str:
     return "".join(f'<p class="message {kind}"><b>{kind}</b> {escape(line)}</p>' for kind, line in lines)
 
 
+def _denoised(methods: Sequence[dict[str, Any]], flip: bool) -> str:
+    """The section on denoising; nothing where it was not asked for."""
+    if all(method["denoised"] is None for method in methods):
+        return ""
+    return (
+        f"<section><h2>With and without denoising</h2>{denoised_table(methods, flip)}"
+        '<p class="hint">Equal time is as above. Denoising is a part of it, so there are fewer samples in the rest. '
+        "Where denoising alone takes longer, so does the denoised run. Equal samples are those of the longest run. "
+        "A &lt; says that the reference cannot tell a smaller error from none.</p>"
+        "</section>"
+    )
+
+
 def _legend(methods: Sequence[dict[str, Any]]) -> str:
     items = "".join(f"<li>{marker(number)}{escape(method['label'])}</li>" for number, method in enumerate(methods))
+    if any(method["denoised"] is not None for method in methods):
+        items += f'<li class="hollow">{marker(0)}denoised, in each method\'s colour</li>'
     return f'<ul class="legend">{items}</ul>'
 
 
@@ -198,14 +224,16 @@ def _pixels(
     told = {method["label"]: method for method in summary["methods"]}
     for method in pictures:
         numbers = told[method.label]
-        versions = (
+        versions = [
             ("time", method.equal_time, method.flip[0], numbers["equal_time"]),
             ("samples", method.equal_samples, method.flip[1], numbers["runs"][-1]),
-        )
+        ]
+        if numbers["denoised"] is not None:
+            versions.append(("denoised", method.denoised, method.denoised_flip, numbers["denoised"]["equal_time"]))
         for name, image, flip, point in versions:
             if image is not None:
-                error, seconds = percent(point["relative_error"]["median"]), point["seconds"]["median"]
-                parts = (error, f"{point['spp']} spp", seconds_text(seconds))
+                seconds = point["seconds"]["median"]
+                parts = (error_text(point), f"{point['spp']} spp", seconds_text(seconds))
                 about = " · ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in parts)
                 uri = None if flip is None else png_uri(flip)
                 images.append({"label": method.label, "set": name, "about": about, "data": packed(image), "flip": uri})

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from warpmis.output.report.text import percent, seconds_text
+from warpmis.output.report.text import error_text, percent, seconds_text
 
 WIDTH, HEIGHT = 900, 470
 LEFT, RIGHT, TOP, BOTTOM = 74, 58, 16, 52
@@ -49,7 +49,8 @@ class Axes:
 
 def error_plot(methods: Sequence[dict[str, Any]], targets: Sequence[float], reference_error: float | None) -> str:
     """Measured runs as points with their range, predictions dashed, and the targets as lines across."""
-    axes = _axes(methods)
+    denoised = [method["denoised"] for method in methods]
+    axes = _axes([*methods, *(one for one in denoised if one is not None)])
     parts = [
         f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         'aria-label="Relative error against time, both logarithmic">',
@@ -59,6 +60,12 @@ def error_plot(methods: Sequence[dict[str, Any]], targets: Sequence[float], refe
         *_reference(axes, reference_error, targets),
         '<g clip-path="inset(0)">',
         *(line for number, method in enumerate(methods) for line in _series(axes, method, number)),
+        *(
+            line
+            for number, one in enumerate(denoised)
+            if one is not None
+            for line in _series(axes, one, number, "denoised")
+        ),
         "</g></svg>",
     ]
     return "\n".join(parts)
@@ -102,10 +109,10 @@ def _roomy(low: float, high: float) -> tuple[float, float]:
     return low / apart, high * apart
 
 
-def _series(axes: Axes, method: dict[str, Any], number: int) -> list[str]:
+def _series(axes: Axes, method: dict[str, Any], number: int, kind: str = "") -> list[str]:
     points = [(point["seconds"]["median"], point["relative_error"]) for point in method["runs"]]
     path = "L".join(f"{axes.x(t):.1f},{axes.y(e['median']):.1f}" for t, e in points)
-    lines = [f'<g class="series s{number % 8}">', f'<path class="line" d="M{path}"/>']
+    lines = [f'<g class="series {kind} s{number % 8}">', f'<path class="line" d="M{path}"/>']
     predicted = [a for a in method["time_to"] if a["kind"] == "predicted"]
     future = [a for a in predicted if a["seconds"]["median"] <= axes.seconds[1]]
     if future:
@@ -116,7 +123,7 @@ def _series(axes: Axes, method: dict[str, Any], number: int) -> list[str]:
     shape = MARKERS[number % len(MARKERS)]
     for point, (seconds, error) in zip(method["runs"], points, strict=True):
         x, y = axes.x(seconds), axes.y(error["median"])
-        told = f"{method['label']}, {point['spp']} spp: {percent(error['median'])} after {seconds_text(seconds)}"
+        told = f"{method['label']}, {point['spp']} spp: {error_text(point)} after {seconds_text(seconds)}"
         lines.append(f'<path class="whisker" d="M{x:.1f},{axes.y(error["high"]):.1f}V{axes.y(error["low"]):.1f}"/>')
         lines.append(
             f'<path class="point" transform="translate({x:.1f} {y:.1f}) scale(4.6)" d="{shape}">'

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from warpmis.output.report.plot import marker, range_bar
-from warpmis.output.report.text import percent, ratio_text, seconds_text
+from warpmis.output.report.text import error_text, percent, ratio_text, seconds_text
 
 Method = dict[str, Any]
 Column = tuple[str, str, Callable[[Method], str]]  # heading, what it means, a method's cell
@@ -38,6 +38,10 @@ def glance_table(methods: Sequence[Method], flip: bool) -> str:
         ("MSE", "mean squared error at equal time, fireflies and all", _mse),
         ("bias", "relative error that more samples do not remove; below it, how much could hide in the noise", _bias),
     ]
+    if any(method["denoised"] is not None for method in methods):
+        columns.insert(
+            2, ("denoised, at equal time", "relative error with denoising, which is in that time", _denoised_error)
+        )
     if flip:
         columns.append(("FLIP", "mean HDR-FLIP at equal time: 0 the same, 1 as different as can be", _flip))
     return _table(methods, columns)
@@ -52,11 +56,41 @@ def time_table(methods: Sequence[Method], targets: Sequence[float]) -> str:
 
     def column(index: int, target: float) -> Column:
         def cell(method: Method) -> str:
-            return _arrival(method["time_to"][index], method, first[target])
+            denoised = method["denoised"]
+            with_it = "" if denoised is None else _denoised_arrival(denoised["time_to"][index])
+            return _arrival(method["time_to"][index], method, first[target]) + with_it
 
         return percent(target), f"time until the relative error is {percent(target)}", cell
 
     return _table(methods, [column(index, target) for index, target in enumerate(targets)])
+
+
+def denoised_table(methods: Sequence[Method], flip: bool) -> str:
+    """Error and time of each method without and with denoising, at equal time and at equal samples."""
+
+    def pair(cell: Callable[[Method], str]) -> Callable[[Method], str]:
+        """Without denoising, and below it with."""
+
+        def both(method: Method) -> str:
+            with_it = method["denoised"]
+            return f"{cell(method)}<br><b>{'–' if with_it is None else cell(with_it)}</b>"
+
+        return both
+
+    columns: list[Column] = [
+        ("", "each method without denoising, and below it with", lambda m: "as sampled<br><b>denoised</b>"),
+        ("efficiency", "1 / (relMSE × time) over the baseline's without denoising, at equal time", pair(_median_ratio)),
+        ("error at equal time", "relative error, median", pair(lambda m: escape(error_text(m["equal_time"])))),
+        ("time", "learning and denoising included", pair(lambda m: _seconds(m["equal_time"]))),
+        ("denoising", "the part of it that denoising took", pair(lambda m: _denoise_seconds(m["equal_time"]))),
+        ("spp", "samples per pixel in that time", pair(lambda m: str(m["equal_time"]["spp"]))),
+        ("error at equal samples", "relative error, median", pair(lambda m: escape(error_text(m["runs"][-1])))),
+        ("time", "of these samples, denoising included", pair(lambda m: _seconds(m["runs"][-1]))),
+    ]
+    if flip:
+        columns.insert(3, ("FLIP", "mean HDR-FLIP at equal time", pair(_flip)))
+        columns.append(("FLIP", "mean HDR-FLIP at equal samples", pair(_flip_equal_samples)))
+    return _table(methods, columns)
 
 
 def cost_table(methods: Sequence[Method], baseline: str) -> str:
@@ -100,8 +134,8 @@ def _table(methods: Sequence[Method], columns: Sequence[Column]) -> str:
 
 
 def _error(point: dict[str, Any]) -> str:
-    low, median, high = (point["relative_error"][end] for end in ("low", "median", "high"))
-    return f"{percent(median)} {_range(percent(low), percent(high))}"
+    low, high = (point["relative_error"][end] for end in ("low", "high"))
+    return f"{escape(error_text(point))} {_range(percent(low), percent(high))}"
 
 
 def _range(low: str, high: str) -> str:
@@ -119,6 +153,27 @@ def _arrival(arrival: dict[str, Any], method: Method, first: float | None) -> st
     learn = arrival["learn_seconds"]
     shown += _range(seconds_text(low), seconds_text(high))
     return shown + (f'<span class="spread">{seconds_text(learn)} of it learning</span>' if learn else "")
+
+
+def _denoised_error(method: Method) -> str:
+    return "–" if method["denoised"] is None else f"<b>{_error(method['denoised']['equal_time'])}</b>"
+
+
+def _denoised_arrival(arrival: dict[str, Any]) -> str:
+    sign = {"measured": "", "sooner": "&lt; ", "later": "&gt; "}[arrival["kind"]]
+    return f'<span class="spread"><b>{sign}{seconds_text(arrival["seconds"]["median"])}</b> denoised</span>'
+
+
+def _median_ratio(method: Method) -> str:
+    return ratio_text(method["efficiency"]["median"])
+
+
+def _seconds(point: dict[str, Any]) -> str:
+    return seconds_text(point["seconds"]["median"])
+
+
+def _denoise_seconds(point: dict[str, Any]) -> str:
+    return seconds_text(point["denoise_seconds"]) if point["denoise_seconds"] else "–"
 
 
 def _slope(method: Method) -> str:
@@ -139,3 +194,7 @@ def _mse(method: Method) -> str:
 
 def _flip(method: Method) -> str:
     return "–" if method["flip"] is None else f"{method['flip']:.3f}"
+
+
+def _flip_equal_samples(method: Method) -> str:
+    return "–" if method["flip_equal_samples"] is None else f"{method['flip_equal_samples']:.3f}"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 
 def percent(value: float) -> str:
@@ -13,6 +15,12 @@ def percent(value: float) -> str:
     digits = max(0, 1 - math.floor(math.log10(scaled) + 1e-9))
     text = f"{scaled:.{digits}f}"
     return f"{text.rstrip('0').rstrip('.') if '.' in text else text} %"
+
+
+def error_text(point: Mapping[str, Any]) -> str:
+    """A run's median relative error, with a sign where the reference's noise hides how small it is."""
+    text = percent(point["relative_error"]["median"])
+    return f"< {text}" if point["below_reference"] else text
 
 
 def seconds_text(seconds: float) -> str:
