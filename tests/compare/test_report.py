@@ -233,7 +233,8 @@ try {
   document.querySelectorAll("#strip button")[3].click();
   found.selected = name();
   const denoised = $("[data-set=denoised]");
-  found.denoised = denoised && [name(), look("[data-set=samples]") !== look("[data-set=denoised]"), $("#about").textContent];
+  const differs = denoised && look("[data-set=samples]") !== look("[data-set=denoised]");
+  found.denoised = denoised && [name(), differs, $("#about").textContent];
   found.requests = performance.getEntriesByType("resource").map((entry) => entry.name)
     .filter((address) => !/^(data|blob):/.test(address));
 } catch (error) { found.errors.push(String(error)); }
@@ -278,7 +279,7 @@ def test_in_a_browser(page: str, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_denoised_pictures_in_a_browser(denoised_folder: Path, tmp_path: Path) -> None:
-    """The sampled and the denoised picture of the same method differ, and the caption has the denoised one's figures."""
+    """The sampled and the denoised picture of a method differ, and the caption has the denoised one's figures."""
     found = looked_at((denoised_folder / "report.html").read_text(encoding="utf-8"), tmp_path)
     assert found["errors"] == []
     name, differs, about = found["denoised"]
