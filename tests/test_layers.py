@@ -59,6 +59,7 @@ EXTERNAL: dict[str, set[str]] = {
     "IPython": {"output"},
     "distributed": {"rendering"},
     "dask": {"rendering"},
+    "MaterialX": {"usd"},
 }
 
 SOURCES = sorted(PACKAGE.rglob("*.py"))

@@ -13,6 +13,7 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from warpmis.errors import StageError
+from warpmis.usd.mtlx_arcs import MtlxArcs
 from warpmis.usd.reading import PxrError, one_line
 
 
@@ -44,6 +45,25 @@ def open_stage(
     if mask:
         stage.ExpandPopulationMask()
     return stage
+
+
+def with_mtlx(stage: Any) -> tuple[Any, dict[str, str]]:
+    """The stage with translations in the place of MaterialX files that it could not open: itself, or one of our own
+    whose session layer may be edited; and why files cannot be read, by their identifier."""
+    arcs = MtlxArcs()
+    root, session = arcs.above(stage.GetRootLayer()), arcs.above(stage.GetSessionLayer())
+    if root is None and session is None:
+        return stage, arcs.reasons
+    found = _opened(
+        root or stage.GetRootLayer(),
+        session or _session_above([stage.GetSessionLayer()]),
+        stage.GetPopulationMask(),
+        stage.GetPathResolverContext(),
+        stage.GetLoadRules(),
+    )
+    found.MuteAndUnmuteLayers(stage.GetMutedLayers(), [])
+    found.SetEditTarget(found.GetSessionLayer())
+    return found, arcs.reasons
 
 
 def _same_layers(stage: Any, session_layer: str | os.PathLike[str] | None, mask: Sequence[str]) -> Any:

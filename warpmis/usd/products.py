@@ -102,7 +102,7 @@ def read_products(
 
 def _read_all(reading: Reading, render_settings: str | None) -> tuple[Product, ...]:
     stage = reading.stage
-    composition_warnings(reading)
+    composition_warnings(reading, {})
     settings = settings_prim(stage, render_settings)
     if settings is None:
         raise StageError("the stage has no RenderSettings, and so no products", stage.GetRootLayer().GetDisplayName())

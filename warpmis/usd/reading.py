@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +20,10 @@ MAX_COORDINATE = 1e18
 # pxr's own lines about composition: "In </Prim>: what (instantiating stage on stage @file@ <address>)".
 PRIM_PREFIX = re.compile(r"^In <[^>]*>: ")
 SOURCE_SITE = re.compile(r" \((instantiating|recomposing) stage on stage .*\)$")
+
+# pxr's line about a MaterialX file, for which it has no reader; and what it calls a layer without a file.
+MTLX_ERROR = re.compile(r"Could not open asset @([^@]*\.mtlx\]?)@", re.IGNORECASE)
+ANONYMOUS = re.compile(r"\banon:0x[0-9a-f]+:")
 
 # pxr's line about a binding without its schema.
 UNAPPLIED = re.compile(r"material bindings on prim at path \(([^)]*)\) but MaterialBindingAPI is not applied")
@@ -200,13 +204,20 @@ def captured_diagnostics() -> Iterator[list[str]]:
         del delegate
 
 
-def composition_warnings(reading: Reading) -> None:
-    """One warning for each reference, payload or sublayer that could not be composed."""
+def composition_warnings(reading: Reading, unread: Mapping[str, str]) -> None:
+    """One warning for each reference, payload or sublayer that could not be composed.
+
+    Args:
+        unread: why MaterialX files cannot be read, by their identifier.
+    """
     found = []
     for error in reading.stage.GetCompositionErrors():
         site = getattr(error, "rootSite", None)
         path = site.path if site else reading.stage.GetRootLayer().identifier
-        found.append((str(path), " ".join(str(error).split())))
+        message = ANONYMOUS.sub("", " ".join(str(error).split()))
+        if file := MTLX_ERROR.search(message):
+            message = f"the MaterialX file {file[1]} is left out: {unread.get(file[1], 'it cannot be opened')}"
+        found.append((str(path), message))
     for path, message in sorted(found):  # pxr composes in threads, which find errors in any order
         reading.warn(path, message)
 
@@ -215,6 +226,8 @@ def add_diagnostics(messages: Iterable[str], warnings: Messages) -> None:
     """Adds pxr's messages, without where in the sources they arose, but those that a warning quotes already."""
     known = list(warnings)
     for message in messages:
+        if MTLX_ERROR.search(message):
+            continue
         bare = SOURCE_SITE.sub("", PRIM_PREFIX.sub("", message)).strip()
         unapplied = UNAPPLIED.search(bare)
         if unapplied:

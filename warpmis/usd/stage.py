@@ -23,7 +23,8 @@ from warpmis.usd.lights.light_linking import linked_lights, linked_prims
 from warpmis.usd.lights.mesh_light import read_mesh_light
 from warpmis.usd.materials.material import MaterialReader
 from warpmis.usd.messages import Messages
-from warpmis.usd.opening import open_stage
+from warpmis.usd.mtlx_arcs import has_mtlx_errors
+from warpmis.usd.opening import open_stage, with_mtlx
 from warpmis.usd.origin import Bounds, moved, placed_box, scene_origin
 from warpmis.usd.placing import GeometryBuilder
 from warpmis.usd.reading import (
@@ -124,6 +125,7 @@ def _load(stage: Any, request: Request) -> Scene:
             changed = request.variants or request.mask or request.session_layer
             if not isinstance(stage, Usd.Stage) or changed or has_skeletons(stage):
                 stage = open_stage(stage, request.variants, request.mask, request.session_layer)
+            stage, unread = with_mtlx(stage) if has_mtlx_errors(stage) else (stage, {})
             reading = Reading(
                 stage=stage,
                 time=Usd.TimeCode(stage.GetStartTimeCode() if request.time is None else float(request.time)),
@@ -131,7 +133,7 @@ def _load(stage: Any, request: Request) -> Scene:
                 levels=request.levels,
                 warnings=warnings,
             )
-            composition_warnings(reading)
+            composition_warnings(reading, unread)
             if has_skeletons(stage):
                 bake_skinning(reading)
             settings = request.over(read_settings(reading, request.render_settings, request.product))

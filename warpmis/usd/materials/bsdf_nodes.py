@@ -183,8 +183,9 @@ class BsdfReader:
         return Lobes(specular=color, alpha=self._alpha(node))
 
     def nothing(self, node: Any) -> Lobes:
-        kind = self.network.kind(node)
-        self.network.reading.warn(self.network.path, f"not supported: {kind}; it is left out")
+        if not SurfaceInputs(node, self.network).number("weight", 1.0).equals(0.0):
+            kind = self.network.kind(node)
+            self.network.reading.warn(self.network.path, f"not supported: {kind}; it is left out")
         return Lobes()
 
     def _alpha(self, node: Any) -> Pattern:
@@ -204,9 +205,9 @@ class BsdfReader:
 
     def _mixed(self, node: Any) -> Lobes:
         share = self.network.pattern_or(node, "mix", (0.0,))
-        foreground, background = self.lobes(node, "fg"), self.lobes(node, "bg")
         if share.equals(0.0) or share.equals(1.0):
-            return background if share.equals(0.0) else foreground
+            return self.lobes(node, "bg" if share.equals(0.0) else "fg")
+        foreground, background = self.lobes(node, "fg"), self.lobes(node, "bg")
         rest = self._folded(lambda s: 1.0 - s, [share], {0}, node)
         return self._sum(self._scaled(foreground, share, node), self._scaled(background, rest, node), node)
 
@@ -283,6 +284,10 @@ def _same(first: Pattern | None, second: Pattern | None) -> bool:
     return first.channels == second.channels and np.array_equal([first.scale, first.bias], [second.scale, second.bias])
 
 
+COMBINATIONS = (
+    *("layer_", "mix_bsdf", "mix_edf", "add_bsdf", "add_edf", "multiply_bsdf", "multiply_edf", "uniform_edf"),
+    *("conical_edf", "measured_edf", "generalized_schlick_edf"),
+)
 LEAVES = {
     "oren_nayar_diffuse_bsdf": BsdfReader.diffuse,
     "burley_diffuse_bsdf": BsdfReader.diffuse,
@@ -293,3 +298,9 @@ LEAVES = {
     "sheen_bsdf": BsdfReader.nothing,
     "translucent_bsdf": BsdfReader.nothing,
 }
+
+
+def is_bsdf_node(kind: str) -> bool:
+    """Whether a node of a graph of BSDFs or EDFs is known, if only to be left out."""
+    name = kind.removeprefix("ND_")
+    return name in LEAVES or name.startswith(COMBINATIONS)

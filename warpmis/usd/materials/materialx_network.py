@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -43,31 +44,9 @@ class MaterialXNetwork(PatternNetwork):
     def node_pattern(self, node: Any, kind: str, output: str, width: int) -> tuple[bool, Pattern | None]:
         if kind.startswith("ND_Usd"):
             return super().node_pattern(node, preview_kind(kind), output, width)
-        category = kind.removeprefix("ND_").split("_")[0] if kind.startswith("ND_") else ""
-        special = {
-            "image": self._image,
-            "tiledimage": self._image,
-            "normalmap": self._normal_map,
-            "separate2": self._component,
-            "separate3": self._component,
-            "separate4": self._component,
-            "extract": self._component,
-            "convert": self._converted,
-            "combine2": self._combined,
-            "combine3": self._combined,
-            "combine4": self._combined,
-            "swizzle": self._swizzled,
-            "geompropvalue": self._primvar,
-            "geomcolor": self._primvar,
-            "ramplr": self._ramp,
-            "ramptb": self._ramp,
-            "ramp4": self._ramp,
-            "splitlr": self._split,
-            "splittb": self._split,
-            "checkerboard": self._checkerboard,
-        }.get(category)
-        if special is not None:
-            return True, special(node, kind, output, width)
+        category = _first_word(kind)
+        if category in READERS:
+            return True, READERS[category](self, node, kind, output, width)
         if category in MEANS:
             return True, self._mean(node, kind, category, width)
         if kind == "ND_artistic_ior" and output == "extinction":
@@ -245,3 +224,41 @@ def preview_kind(kind: str) -> str:
     readers = {"vector2": "float2", "vector3": "float3", "vector4": "float4"}
     head, _, last = name.rpartition("_")
     return f"{head}_{readers[last]}" if last in readers else name
+
+
+def _first_word(kind: str) -> str:
+    """The category of a node definition whose category is one word; "" for what is none of MaterialX's."""
+    return kind.removeprefix("ND_").split("_")[0] if kind.startswith("ND_") else ""
+
+
+def is_pattern_node(kind: str) -> bool:
+    """Whether a MaterialXNetwork knows a node, if only its mean or where it looks."""
+    word = _first_word(kind)
+    return (
+        word in READERS or word in MEANS or word in COORDINATES or kind.startswith("ND_Usd") or bool(category_of(kind))
+    )
+
+
+READERS: dict[str, Callable[[MaterialXNetwork, Any, str, str, int], Pattern | None]] = {
+    "image": MaterialXNetwork._image,
+    "tiledimage": MaterialXNetwork._image,
+    "normalmap": MaterialXNetwork._normal_map,
+    "separate2": MaterialXNetwork._component,
+    "separate3": MaterialXNetwork._component,
+    "separate4": MaterialXNetwork._component,
+    "extract": MaterialXNetwork._component,
+    "convert": MaterialXNetwork._converted,
+    "combine2": MaterialXNetwork._combined,
+    "combine3": MaterialXNetwork._combined,
+    "combine4": MaterialXNetwork._combined,
+    "swizzle": MaterialXNetwork._swizzled,
+    "geompropvalue": MaterialXNetwork._primvar,
+    "geomcolor": MaterialXNetwork._primvar,
+    "ramplr": MaterialXNetwork._ramp,
+    "ramptb": MaterialXNetwork._ramp,
+    "ramp4": MaterialXNetwork._ramp,
+    "splitlr": MaterialXNetwork._split,
+    "splittb": MaterialXNetwork._split,
+    "checkerboard": MaterialXNetwork._checkerboard,
+}
+COORDINATES = ("texcoord", "place2d", "rotate2d", "position", "normal", "tangent", "bitangent")

@@ -111,6 +111,14 @@ class PatternNetwork(ShadingNetwork):
         except CannotFold:
             return evaluated(function, [constant(one.mean) for one in patterns])
 
+    def vector(self, node: Any, name: str, components: int, default: Any) -> Any:
+        """A constant of so many components, finite, also one that a graph of numbers gives."""
+        attribute = self.source(node, name)
+        if attribute is None or is_input(attribute):
+            return super().vector(node, name, components, default)
+        found = self.pattern(node, name, components)
+        return default if found is None else tuple(self.numbers(found, name).tolist())
+
     def number(self, pattern: Pattern, name: str) -> float:
         """A pattern that a Material has as one number; with a warning, its mean where it varies."""
         return float(self.numbers(pattern.resized(1), name)[0])

@@ -1,0 +1,382 @@
+"""References to MaterialX files: the stage opens with the file's materials, and no layer is changed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Sdf, Usd
+from usd.networks import square, the
+from usd.pictures import write
+from usd.points import seen_at
+from usd.stages import mentions
+
+from warpmis.scene import Scene
+from warpmis.usd import load_stage
+
+pytest.importorskip("MaterialX")
+
+SQUARE = """    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "vertex" )
+"""
+PAINT = """<standard_surface name="S" type="surfaceshader">
+    <input name="base" type="float" value="0.5" />
+    <input name="base_color" type="color3" value="0.5, 0.25, 1" />
+    <input name="specular_roughness" type="float" value="0.375" />
+  </standard_surface>
+  <surfacematerial name="Paint" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S" />
+  </surfacematerial>"""
+EXPECTED = """float inputs:base = 0.5
+    color3f inputs:base_color = (0.5, 0.25, 1)
+    float inputs:specular_roughness = 0.375"""
+
+
+def document(path: Path, content: str = PAINT, attributes: str = "") -> Path:
+    path.write_text(f'<?xml version="1.0"?>\n<materialx version="1.39" {attributes}>\n  {content}\n</materialx>\n')
+    return path
+
+
+def stage(folder: Path, arc: str = "references = @look.mtlx@</MaterialX/Materials>", more: str = "") -> Path:
+    """A square whose material is Paint of what the prim Looks refers to."""
+    path = folder / "scene.usda"
+    path.write_text(f"""#usda 1.0
+def Mesh "Q" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+{{
+{SQUARE}
+    rel material:binding = </Looks/Paint>
+}}
+def "Looks" (
+    {arc}
+)
+{{
+    {more}
+}}
+""")
+    return path
+
+
+def colors(content: str, folder: Path, attributes: str = "") -> np.ndarray:
+    """What a document's material diffusely reflects in the middle of a square."""
+    document(folder / "look.mtlx", content, attributes)
+    scene = load_stage(stage(folder))
+    assert scene.warnings == ()
+    return seen_at(scene, [(0.5, 0.5)])["diffuse"][0]
+
+
+def with_color(color: str, before: str = "") -> str:
+    """A document whose material's base colour is this input."""
+    return f"""{before}
+  <standard_surface name="S" type="surfaceshader">
+    {color}
+  </standard_surface>
+  <surfacematerial name="Paint" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S" />
+  </surfacematerial>"""
+
+
+def assert_is_paint(scene: Scene) -> None:
+    expected = the(square("ND_standard_surface_surfaceshader", EXPECTED))
+    found = the(scene)
+    assert found.diffuse_color == expected.diffuse_color and found.roughness == expected.roughness
+
+
+@pytest.mark.parametrize(
+    "arc",
+    [
+        "references = @look.mtlx@</MaterialX/Materials>",
+        "prepend references = @./look.mtlx@</MaterialX/Materials>",
+        "append references = [@look.mtlx@</MaterialX/Materials>]",
+        "payload = @look.mtlx@</MaterialX/Materials>",
+        "prepend payload = @look.mtlx@</MaterialX/Materials>",
+    ],
+)
+def test_every_kind_of_arc(tmp_path: Path, arc: str) -> None:
+    document(tmp_path / "look.mtlx")
+    scene = load_stage(stage(tmp_path, arc))
+    assert_is_paint(scene)
+    assert scene.name == "scene.usda" and scene.materials[0].path == "/Looks/Paint"
+
+
+def test_without_a_prim_path_it_is_the_whole_file(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    path = stage(tmp_path, "references = @look.mtlx@")
+    path.write_text(path.read_text().replace("</Looks/Paint>", "</Looks/Materials/Paint>"))
+    assert_is_paint(load_stage(path))
+
+
+def test_a_material_alone(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    path = stage(tmp_path, "")
+    over = 'def "Paint" ( references = @look.mtlx@</MaterialX/Materials/Paint> )\n    {\n    }\n'
+    path.write_text(path.read_text().replace("(\n    \n)", "").replace("    \n}", f"    {over}}}"))
+    assert_is_paint(load_stage(path))
+
+
+def test_stronger_opinions_win(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    over = 'over "Paint"\n{\nover "S"\n{\nfloat inputs:specular_roughness = 0.625\n}\n}\n'
+    assert the(load_stage(stage(tmp_path, more=over))).roughness == 0.625
+
+
+def test_weaker_references_stay_weaker(tmp_path: Path) -> None:
+    """The order of the references of a prim is kept, whichever of them is a MaterialX file."""
+    document(tmp_path / "look.mtlx")
+    (tmp_path / "other.usda").write_text("""#usda 1.0
+( defaultPrim = "Looks" )
+def "Looks"
+{
+    over "Paint"
+    {
+        over "S"
+        {
+            float inputs:specular_roughness = 0.625
+        }
+    }
+}
+""")
+    names = ("@other.usda@", "@look.mtlx@</MaterialX/Materials>")
+    assert the(load_stage(stage(tmp_path, f"references = [{names[0]}, {names[1]}]"))).roughness == 0.625
+    assert the(load_stage(stage(tmp_path, f"references = [{names[1]}, {names[0]}]"))).roughness == 0.375
+
+
+def test_sublayers_and_variants(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    inner = stage(tmp_path, """variants = { string look = "painted" }
+    prepend variantSets = "look" """, """variantSet "look" = {
+        "painted" ( references = @look.mtlx@</MaterialX/Materials> ) {
+        }
+        "bare" {
+        }
+    }""")  # fmt: skip
+    outer = tmp_path / "outer.usda"
+    outer.write_text(f'#usda 1.0\n(\n    upAxis = "Z"\n    subLayers = [@{inner.name}@]\n)\n')
+    assert_is_paint(load_stage(outer))
+    bare = load_stage(outer, variants=["/Looks{look=bare}"])
+    assert mentions(bare, "/Looks/Paint", "does not exist")
+
+
+def test_a_variant_that_the_caller_selects(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    path = stage(tmp_path, 'prepend variantSets = "look"', """variantSet "look" = {
+        "painted" ( references = @look.mtlx@</MaterialX/Materials> ) {
+        }
+    }""")  # fmt: skip
+    assert_is_paint(load_stage(path, variants=["/Looks{look=painted}"]))
+
+
+def test_instances_of_an_asset_stay_instances(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    asset = stage(tmp_path).read_text().replace('def Mesh "Q"', 'def Xform "Asset"\n{\ndef Mesh "Q"', 1) + "}\n"
+    (tmp_path / "asset.usda").write_text(asset.replace("</Looks", "</Asset/Looks"))
+    one = """def Xform "{name}" ( instanceable = true
+    references = @asset.usda@</Asset> )
+{{
+    double3 xformOp:translate = ({x}, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+"""
+    path = tmp_path / "shot.usda"
+    path.write_text("#usda 1.0\n" + one.format(name="A", x=0) + one.format(name="B", x=3))
+    scene = load_stage(path)
+    assert_is_paint(scene)
+    assert sorted(prim.path for prim in scene.prims) == ["/A/Q", "/B/Q"]
+
+
+def test_a_stage_that_is_passed_in_is_not_changed(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    path = stage(tmp_path)
+    opened = Usd.Stage.Open(str(path))
+    text, of_layer = opened.ExportToString(), opened.GetRootLayer().ExportToString()
+    assert_is_paint(load_stage(opened))
+    assert opened.ExportToString() == text and not opened.GetRootLayer().dirty
+    assert len(opened.GetCompositionErrors()) == 1
+    assert Sdf.Layer.FindOrOpen(str(path)).ExportToString() == of_layer
+
+
+def test_the_callers_session_layer_counts(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    opened = Usd.Stage.Open(str(stage(tmp_path, "")))
+    opened.SetEditTarget(opened.GetSessionLayer())
+    opened.GetPrimAtPath("/Looks").GetReferences().AddReference(str(tmp_path / "look.mtlx"), "/MaterialX/Materials")
+    assert_is_paint(load_stage(opened))
+
+
+def test_a_file_within_a_package(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    with Sdf.ZipFileWriter.CreateNew(str(tmp_path / "all.usdz")) as package:
+        package.AddFile(str(stage(tmp_path)), "scene.usda")
+        package.AddFile(str(tmp_path / "look.mtlx"), "look.mtlx")
+    scene = load_stage(tmp_path / "all.usdz")
+    assert_is_paint(scene)
+    assert scene.name == "all.usdz"
+    outer = tmp_path / "outer.usda"
+    outer.write_text("#usda 1.0\n(\n    subLayers = [@all.usdz@]\n)\n")
+    assert_is_paint(load_stage(outer))
+    outer.write_text("""#usda 1.0
+def "Looks" ( references = @all.usdz@</Looks> )
+{
+}
+def "Q" ( references = @all.usdz@</Q> )
+{
+    rel material:binding = </Looks/Paint>
+}
+""")
+    assert_is_paint(load_stage(outer))
+
+
+def test_color_spaces_of_colors_and_files(tmp_path: Path) -> None:
+    linear, encoded = '<input name="base_color" type="color3" value="0.5, 0.5, 0.5" {} />', 0.2140411
+    for attributes, own, expected in (
+        ("", "", 0.5),
+        ('colorspace="lin_rec709"', "", 0.5),
+        ('colorspace="srgb_texture"', "", encoded),
+        ('colorspace="lin_rec709"', 'colorspace="srgb_texture"', encoded),
+        ('colorspace="g22_rec709"', "", 0.5**2.2),
+        ('colorspace="g18_rec709"', "", 0.5**1.8),
+        ('colorspace="acescg"', "", 0.5),
+    ):
+        white = '<input name="base" type="float" value="1" />'
+        found = colors(with_color(white + linear.format(own)), tmp_path, attributes)
+        np.testing.assert_allclose(found, expected, rtol=1e-4, err_msg=attributes + own)
+    file = write(tmp_path / "c.png", np.full((2, 2, 3), 0.5), "uint8")
+    for space, expected in (("srgb_texture", encoded), ("lin_rec709", 0.5), ("g22_rec709", 0.5**2.2)):
+        image = f"""<image name="I" type="color3">
+    <input name="file" type="filename" value="{file.name}" colorspace="{space}" />
+  </image>"""
+        found = colors(with_color('<input name="base_color" type="color3" nodename="I" />', image), tmp_path)
+        np.testing.assert_allclose(found, expected, atol=0.003)
+
+
+def test_a_file_prefix_and_tiles(tmp_path: Path) -> None:
+    (tmp_path / "tex").mkdir()
+    write(tmp_path / "tex" / "c.1001.exr", np.full((2, 2, 3), 0.25))
+    image = """<image name="I" type="color3">
+    <input name="file" type="filename" value="c.&lt;UDIM&gt;.exr" />
+  </image>"""
+    connected = '<input name="base_color" type="color3" nodename="I" />'
+    np.testing.assert_allclose(colors(with_color(connected, image), tmp_path, 'fileprefix="tex/"'), 0.25, rtol=1e-3)
+
+
+GRAPH = """<nodegraph name="G">
+    <input name="tint" type="color3" value="1, 0.5, 0.25" />
+    <multiply name="half" type="color3">
+      <input name="in1" type="color3" interfacename="tint" />
+      <input name="in2" type="float" value="0.5" />
+    </multiply>
+    <separate3 name="parts" type="multioutput">
+      <input name="in" type="color3" nodename="half" />
+    </separate3>
+    <output name="color" type="color3" nodename="half" />
+    <output name="green" type="float" nodename="parts" output="outg" />
+  </nodegraph>"""
+
+
+def test_node_graphs_with_an_interface_and_several_outputs(tmp_path: Path) -> None:
+    color = '<input name="base_color" type="color3" nodegraph="G" output="color" />'
+    np.testing.assert_allclose(colors(with_color(color, GRAPH), tmp_path), [0.5, 0.25, 0.125])
+    metal = '<input name="metalness" type="float" nodegraph="G" output="green" />'
+    np.testing.assert_allclose(colors(with_color(metal, GRAPH), tmp_path), 0.75 * 0.8)
+
+
+def test_nodes_that_the_file_defines(tmp_path: Path) -> None:
+    """By graphs of their own, and with the defaults of their definition."""
+    own = """<nodedef name="ND_halved_color3" node="halved">
+    <input name="in" type="color3" value="1, 0.5, 0.25" />
+    <output name="out" type="color3" />
+  </nodedef>
+  <nodegraph name="NG_halved_color3" nodedef="ND_halved_color3">
+    <multiply name="half" type="color3">
+      <input name="in1" type="color3" interfacename="in" />
+      <input name="in2" type="float" value="0.5" />
+    </multiply>
+    <output name="out" type="color3" nodename="half" />
+  </nodegraph>
+  <halved name="H" type="color3" />"""
+    found = colors(with_color('<input name="base_color" type="color3" nodename="H" />', own), tmp_path)
+    np.testing.assert_allclose(found, [0.5, 0.25, 0.125])
+
+
+def test_nodes_of_the_library_that_are_graphs(tmp_path: Path) -> None:
+    """glTF's image node: a factor, a picture and a channel of it."""
+    write(tmp_path / "c.exr", np.broadcast_to(np.array([0.25, 0.5, 0.75]), (2, 2, 3)).copy())
+    image = """<gltf_colorimage name="I" type="multioutput">
+    <input name="file" type="filename" value="c.exr" />
+    <input name="color" type="color4" value="1, 0.5, 0.25, 1" />
+  </gltf_colorimage>"""
+    found = colors(
+        with_color('<input name="base_color" type="color3" nodename="I" output="outcolor" />', image), tmp_path
+    )
+    np.testing.assert_allclose(found, [0.25, 0.25, 0.1875], rtol=1e-3)
+
+
+def test_disneys_surface_is_a_graph_of_the_library(tmp_path: Path) -> None:
+    content = PAINT.replace("standard_surface", "disney_principled").replace('name="base" type="float" value="0.5"',
+            'name="metallic" type="float" value="0.25"').replace("base_color", "baseColor")  # fmt: skip
+    document(tmp_path / "look.mtlx", content.replace("specular_roughness", "roughness"))
+    scene = load_stage(stage(tmp_path))
+    assert mentions(scene, "roughness of ND_burley_diffuse_bsdf") and len(scene.warnings) == 1
+    # The library's graph weighs the diffuse node by 1 - metallic, and mixes it with the metal by that again.
+    seen = seen_at(scene, [(0.5, 0.5)])
+    np.testing.assert_allclose(seen["diffuse"][0], 0.75**2 * np.array([0.5, 0.25, 1]), rtol=1e-4)
+    np.testing.assert_allclose(seen["specular_f0"][0], 0.75 * 0.04 + 0.25 * np.array([0.5, 0.25, 1]), rtol=1e-4)
+
+
+def test_files_that_a_file_includes(tmp_path: Path) -> None:
+    document(tmp_path / "inner.mtlx", GRAPH)
+    color = '<input name="base_color" type="color3" nodegraph="G" output="color" />'
+    include = '<xi:include href="inner.mtlx" />'
+    found = colors(with_color(color, include), tmp_path, 'xmlns:xi="http://www.w3.org/2001/XInclude"')
+    np.testing.assert_allclose(found, [0.5, 0.25, 0.125])
+
+
+def test_files_before_1_39(tmp_path: Path) -> None:
+    """Older versions are upgraded: swizzles, and materials that are no nodes."""
+    (tmp_path / "look.mtlx").write_text("""<?xml version="1.0"?>
+<materialx version="1.36">
+  <standard_surface name="S" type="surfaceshader">
+    <input name="base" type="float" value="0.5" />
+    <input name="base_color" type="color3" value="0.25, 0.5, 1" channels="grb" />
+    <input name="specular_roughness" type="float" value="0.375" />
+  </standard_surface>
+  <material name="Paint">
+    <shaderref name="R" node="standard_surface" />
+  </material>
+</materialx>
+""")
+    scene = load_stage(stage(tmp_path))
+    assert scene.materials[0].path == "/Looks/Paint"
+
+
+@pytest.mark.parametrize("content", ["<materialx", "", "<a/>", '<materialx version="x"><image name="I"/></materialx>'])
+def test_a_broken_file_is_a_warning(tmp_path: Path, content: str) -> None:
+    (tmp_path / "look.mtlx").write_text(content)
+    scene = load_stage(stage(tmp_path))
+    assert len(scene.warnings) >= 1 and not any("Traceback" in line or "anon:" in line for line in scene.warnings)
+    assert scene.materials[0].diffuse_color == (0.18, 0.18, 0.18)
+
+
+def test_a_missing_file_is_named_with_the_prim(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    scene = load_stage(stage(tmp_path))
+    assert mentions(scene, "/Looks", "look.mtlx", "does not exist")
+    assert capfd.readouterr().err == ""
+
+
+def test_without_materialx_a_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    document(tmp_path / "look.mtlx")
+    monkeypatch.setitem(sys.modules, "MaterialX", None)
+    assert mentions(load_stage(stage(tmp_path)), "/Looks", "look.mtlx", "pip install", "warpmis[materialx]")
+
+
+def test_other_composition_errors_are_still_named(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    path = stage(tmp_path)
+    path.write_text(path.read_text() + 'def "Other" ( references = @nowhere.usda@ )\n{\n}\n')
+    scene = load_stage(path)
+    assert mentions(scene, "/Other", "nowhere.usda", "scene.usda")
+    assert len(scene.warnings) == 1 and "anon:" not in scene.warnings[0]
