@@ -380,3 +380,85 @@ def test_other_composition_errors_are_still_named(tmp_path: Path) -> None:
     scene = load_stage(path)
     assert mentions(scene, "/Other", "nowhere.usda", "scene.usda")
     assert len(scene.warnings) == 1 and "anon:" not in scene.warnings[0]
+
+
+LOOKS = Path(__file__).parent / "looks"
+# What is left out of each of our looks, by the material's name.
+LEFT_OUT = {"skin": "subsurface", "marble": "ND_noise3d_float", "disney": "roughness of ND_burley_diffuse_bsdf"}
+
+
+def look(name: str, material: str) -> Scene:
+    """A square of one material of one of our own files."""
+    scene = load_stage(_square_of(LOOKS / f"{name}.mtlx", material))
+    expected = LEFT_OUT.get(material)
+    assert len(scene.warnings) == (expected is not None)
+    assert expected is None or expected in scene.warnings[0]
+    return scene
+
+
+def _square_of(file: Path, material: str) -> Usd.Stage:
+    found = Usd.Stage.CreateInMemory()
+    found.GetRootLayer().ImportFromString(f"""#usda 1.0
+def Mesh "Q" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+{{
+{SQUARE}
+    color3f[] primvars:displayColor = [(0.25, 0.5, 1)]
+    rel material:binding = </M>
+}}
+def "M" ( references = @{file}@</MaterialX/Materials/{material}> )
+{{
+}}
+""")
+    return found
+
+
+@pytest.mark.parametrize(
+    "name, material, diffuse, reflectance, alpha",
+    [
+        ("standard_surface", "default", (0.8, 0.8, 0.8), 0.04, 0.2**2),
+        ("standard_surface", "gold", 0.0, (0.944, 0.776, 0.373), 0.05**2),
+        ("standard_surface", "rough_copper", 0.0, (0.96, 0.64, 0.54), 0.4**2),
+        ("standard_surface", "plastic", (0.1, 0.27, 0.36), 0.04, 0.325**2),
+        ("standard_surface", "paint", (0.05, 0.02, 0.15), (0.016, 0.016, 0.04), 0.4**2),
+        ("standard_surface", "tinted_coat", 0.0, (0.72, 0.08, 0.08), 0.3**2),
+        ("standard_surface", "skin", (0.85, 0.5, 0.4), 0.04, 0.4**2),
+        ("bsdf_nodes", "gold", 0.0, (0.944, 0.776, 0.373), 0.2**2),
+        ("bsdf_nodes", "coated", (0.05, 0.1, 0.5), 0.04, 0.3),
+        ("bsdf_nodes", "half", (0.025, 0.05, 0.25), (0.472, 0.388, 0.1865), 0.2**2),
+        ("bsdf_nodes", "sign", 0.0, 0.0, 1.0),
+        ("graphs", "marble", (0.45, 0.45, 0.55), 0.04, 0.2**2),
+        ("graphs", "painted", (0.2, 0.4, 0.8), 0.04, 0.4**2),
+    ],
+)
+def test_our_looks(name: str, material: str, diffuse: object, reflectance: object, alpha: float) -> None:
+    """By the formulas of their shaders: albedo, reflectance at normal incidence, width of the facets."""
+    seen = seen_at(look(name, material), [(0.5, 0.5)])
+    np.testing.assert_allclose(seen["diffuse"][0], np.broadcast_to(diffuse, 3), rtol=2e-4, atol=1e-6)
+    np.testing.assert_allclose(seen["specular_f0"][0], np.broadcast_to(reflectance, 3), rtol=2e-4, atol=1e-6)
+    np.testing.assert_allclose(seen["alpha"][0], alpha, rtol=2e-4)
+
+
+def test_our_looks_that_vary() -> None:
+    places = np.array([[0.3, 0.4], [0.6, 0.7]])
+    s, t = places[:, :1], places[:, 1:]
+    corners = np.array([[0.05, 0.1, 0.4], [0.1, 0.1, 0.3], [0.9, 0.4, 0.1], [0.9, 0.7, 0.2]])
+    sky = (corners[0] * (1 - s) + corners[1] * s) * t + (corners[2] * (1 - s) + corners[3] * s) * (1 - t)
+    np.testing.assert_allclose(seen_at(look("graphs", "sunset"), places)["diffuse"], sky, atol=1e-5)
+    tiles = seen_at(look("graphs", "tiles"), places)
+    is_odd = np.floor(places * 6).sum(axis=1, keepdims=True) % 2 == 1
+    board = np.where(is_odd, [0.8, 0.8, 0.75], [0.1, 0.3, 0.2])
+    np.testing.assert_allclose(tiles["diffuse"], board, atol=1e-5)
+    luminance = board @ [0.2722287, 0.6740818, 0.0536895]
+    np.testing.assert_allclose(tiles["alpha"], (0.05 + 0.55 * luminance) ** 2, rtol=1e-3)
+
+
+def test_our_glass() -> None:
+    (clear,) = look("standard_surface", "glass").materials
+    assert (clear.transmission, clear.transmission_color, clear.transmission_depth) == (1.0, (1.0, 1.0, 1.0), 0.0)
+    assert clear.ior == pytest.approx(1.52)
+    (tinted,) = look("standard_surface", "tinted_glass").materials
+    assert tinted.transmission_depth == 1.0
+    np.testing.assert_allclose(tinted.transmission_color, (0.2, 0.8, 0.5), rtol=1e-6)
+    (of_nodes,) = look("bsdf_nodes", "glass").materials
+    assert of_nodes.transmission == 1.0
+    np.testing.assert_allclose(of_nodes.transmission_color, (0.8, 1.0, 0.9), rtol=1e-6)

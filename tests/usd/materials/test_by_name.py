@@ -321,3 +321,15 @@ def Material "{name}"
 
     (line,) = load("".join(map(square_of, "ABC"))).warnings
     assert "fuzzGain" in line and "2 more like it" in line
+
+
+def test_displacement_of_another_shader_is_a_warning() -> None:
+    text = """{}
+    token outputs:mtlx:displacement.connect = </M/D.outputs:out>
+    """.format(
+        node("D", "ND_displacement_float", "float inputs:displacement = 0.1").replace(
+            "color3f outputs", "token outputs"
+        )
+    )
+    scene = square("ND_standard_surface_surfaceshader", nodes=text)
+    assert mentions(scene, "/M", "ND_displacement_float", "not displaced") and len(scene.warnings) == 1

@@ -226,3 +226,44 @@ def test_a_node_that_is_shared_is_read_once() -> None:
         nodes += bsdf(f"N{k + 1}", "add_bsdf", both)
     scene = surface(nodes, "token inputs:bsdf.connect = </M/N40.outputs:out>")
     np.testing.assert_allclose(seen(scene, "diffuse"), 2.0**40 * 1e-13, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [STANDARD, "ND_standard_surface_surfaceshader_100", "ND_open_pbr_surface_surfaceshader", GLTF, "ND_surface_unlit"],
+)
+@pytest.mark.parametrize("more", ["", "WEIGHTED"])
+def test_defaults_are_those_of_the_library(kind: str, more: str) -> None:
+    """Nothing authored, and all of the library's defaults authored, are one material; also with coat and glass."""
+    library = pytest.importorskip("MaterialX")
+    document = library.createDocument()
+    library.loadLibraries(library.getDefaultDataLibraryFolders(), library.getDefaultDataSearchPath(), document)
+    weights = (
+        "coat",
+        "coat_weight",
+        "clearcoat",
+        "transmission",
+        "transmission_weight",
+        "emission",
+        "emission_luminance",
+    )
+    numbers = {"float": ("float", 1), "color3": ("color3f", 3), "integer": ("int", 1), "boolean": ("bool", 1)}
+    authored, weighted = "", ""
+    for each in document.getNodeDef(kind).getActiveInputs():
+        if each.getType() not in numbers or not each.getValueString():
+            continue
+        usd, width = numbers[each.getType()]
+        value = {"true": "1", "false": "0"}.get(each.getValueString(), each.getValueString())
+        value = "0.5" if more and each.getName() in weights else f"({value})" if width == 3 else value
+        authored += f"{usd} inputs:{each.getName()} = {value}\n"
+        weighted += f"{usd} inputs:{each.getName()} = 0.5\n" if more and each.getName() in weights else ""
+    assert authored.count("inputs:") >= 5
+    found, expected = square(kind, authored), square(kind, weighted)
+    assert found.warnings == expected.warnings
+    # The cached mean is the material again.
+    for name, one in ((name, one) for name, one in vars(found.materials[0]).items() if name != "mean"):
+        other = getattr(expected.materials[0], name)
+        if isinstance(one, str | bool | type(None)):
+            assert one == other, name
+        else:
+            np.testing.assert_allclose(one, other, rtol=1e-5, err_msg=name)

@@ -61,7 +61,7 @@ class BsdfReader:
 
     def __init__(self, network: PatternNetwork) -> None:
         self.network = network
-        # What outputs were read as, by their path; None while they are being read.
+        # What outputs were read as, by their path and the type that was asked for; None while they are being read.
         self.found: dict[Any, Any] = {}
 
     def surface(self, shader: Any) -> LayeredSurface:
@@ -109,14 +109,14 @@ class BsdfReader:
         attribute = self.network.source(shader, name)
         if attribute is None or not str(attribute.GetName()).startswith("outputs:"):
             return nothing
-        path = attribute.GetPath()
-        if path not in self.found:
-            self.found[path] = None
-            self.found[path] = read(UsdShade.Shader(attribute.GetPrim()))
-        if self.found[path] is None:
-            self.network.reading.warn(self.network.path, f"{path} is connected to itself in a circle; it is not used")
+        key = attribute.GetPath(), type(nothing)
+        if key not in self.found:
+            self.found[key] = None
+            self.found[key] = read(UsdShade.Shader(attribute.GetPrim()))
+        if self.found[key] is None:
+            self.network.reading.warn(self.network.path, f"{key[0]} is connected to itself in a circle; it is not used")
             return nothing
-        return self.found[path]
+        return self.found[key]
 
     def _lobes(self, node: Any) -> Lobes:
         kind = self.network.kind(node).removeprefix("ND_")

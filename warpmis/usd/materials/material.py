@@ -168,17 +168,27 @@ class MaterialReader:
     def _read(self, material: Any) -> BoundMaterial | None:
         """A UsdPreviewSurface, else MaterialX, MDL, Arnold's or RenderMan's, the first that is supported."""
         path = material.GetPath()
-        shaders = [shader for context in CONTEXTS if (shader := material.ComputeSurfaceSource(context)[0])]
-        for shader in shaders:
+        shaders = {context: material.ComputeSurfaceSource(context)[0] for context in CONTEXTS}
+        shaders = {context: shader for context, shader in shaders.items() if shader}
+        for context, shader in shaders.items():
             bound = self._of_shader(shader, path)
             if bound is not None:
+                self._warn_of_displacement(material, context, shader)
                 return bound
         if not shaders:
             self.reading.warn(path, "it has no UsdPreviewSurface; displayColor is used")
         else:
-            kind = mdl_name(shaders[0]) or self._kind(shaders[0])
+            first = next(iter(shaders.values()))
+            kind = mdl_name(first) or self._kind(first)
             self.reading.warn(path, f"its surface shader {kind} is not supported; displayColor is used")
         return None
+
+    def _warn_of_displacement(self, material: Any, context: str, surface: Any) -> None:
+        """Where another shader than the surface's displaces it: that one warns of its own inputs."""
+        shader = material.ComputeDisplacementSource(context)[0]
+        if shader and shader.GetPath() != surface.GetPath():
+            kind = mdl_name(shader) or self._kind(shader)
+            self.reading.warn(material.GetPath(), f"its displacement {kind} is not supported; it is not displaced")
 
     def _kind(self, shader: Any) -> str:
         return str(self.reading.get(shader.GetIdAttr()) or shader.GetImplementationSource())

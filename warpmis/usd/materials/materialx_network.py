@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from warpmis.scene.texture import FIRST_TILE, Texture
 from warpmis.usd.color_space import RAW, space_of
-from warpmis.usd.materials.node_math import MATH, category_of
+from warpmis.usd.materials.node_math import MATH, NodeMath, category_of
 from warpmis.usd.materials.pattern import Pattern, Picture, bordered, constant, joined, primvar
 from warpmis.usd.materials.pattern_network import PatternNetwork, width_of
 from warpmis.usd.materials.shading_network import is_input
-from warpmis.usd.materials.texture_coordinates import texture_coordinates
+from warpmis.usd.materials.texture_coordinates import texture_coordinates, transform_of
 from warpmis.usd.shapes.primvar import PrimvarRead
 
 WRAP_MODES = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
@@ -60,23 +60,21 @@ class MaterialXNetwork(PatternNetwork):
         math = MATH[name]
         if name == "switch":
             return self._switched(node, width)
-        inputs = {each: self._operand(node, each, default, width) for each, default in math.inputs.items()}
-        first = next(iter(inputs))
-        if inputs[first] is None and self.node(node, first) is not None:
+        found = {
+            each: self.pattern(node, each, self.width_of_input(node, each) or len(default))
+            for each, default in math.inputs.items()
+        }
+        first = next(iter(found))
+        if found[first] is None and self.node(node, first) is not None:
             return None
-        patterns = [
-            constant(default) if (found := inputs[each]) is None else found for each, default in math.inputs.items()
-        ]
+        patterns = _matched(
+            [constant(default) if found[each] is None else found[each] for each, default in math.inputs.items()], math
+        )
         if name.startswith("if") and patterns[0].is_constant and patterns[1].is_constant:
             holds = bool(math.function(patterns[0].bias, patterns[1].bias, np.ones(1), np.zeros(1))[0])
             return patterns[2 if holds else 3].resized(width)
         affine = {list(math.inputs).index(each) for each in math.affine}
-        found = self.folded(math.function, patterns, affine, f"{name} {node.GetPath()}")
-        return found.resized(width)
-
-    def _operand(self, node: Any, name: str, default: tuple[float, ...], width: int) -> Pattern | None:
-        """An input of a node of arithmetic, of its own type's width."""
-        return self.pattern(node, name, self.width_of_input(node, name) or len(default))
+        return self.folded(math.function, patterns, affine, f"{name} {node.GetPath()}").resized(width)
 
     def _switched(self, node: Any, width: int) -> Pattern | None:
         which = self.pattern_or(node, "which", (0.0,))
@@ -203,17 +201,31 @@ class MaterialXNetwork(PatternNetwork):
         column, before = texture_coordinates(self, node, False)
         (a, b), (c, d) = lines
         rows = np.diag([a, c]) @ np.array(before) + np.array([[0.0, 0.0, b], [0.0, 0.0, d]])
-        first, second = (tuple(row) for row in rows.tolist())
         pixels = np.zeros((*texels.shape[:2], 3 if texels.shape[2] == 2 else texels.shape[2]), np.float32)
         pixels[..., : texels.shape[2]] = texels
         width = texels.shape[2]
-        source = Picture(Texture({FIRST_TILE: pixels}), column, (first, second), wrap, wrap)
+        source = Picture(Texture({FIRST_TILE: pixels}), column, transform_of(rows), wrap, wrap)
         return Pattern(np.zeros(width), np.ones(width), tuple(range(width)), source)
 
     def width_of_input(self, node: Any, name: str) -> int:
         """The components of an input by its type; 0 where it is not there."""
         found = node.GetInput(name)
         return width_of(found.GetAttr()) if found else 0
+
+
+def _matched(patterns: Sequence[Pattern | None], math: NodeMath) -> list[Pattern]:
+    """The operands of a node of arithmetic as its function takes them: vectors of their number of components, and
+    where it takes numbers alone, numbers or vectors of one length."""
+    found = [pattern for pattern in patterns if pattern is not None]
+    lengths = [len(default) for default in math.inputs.values()]
+    if max(lengths) == 1:
+        widest = max(pattern.width for pattern in found)
+        return [pattern if pattern.width == 1 else pattern.resized(widest) for pattern in found]
+    # Colours may have an alpha.
+    return [
+        pattern if length == 3 and pattern.width == 4 and place == 0 else pattern.resized(length)
+        for place, (pattern, length) in enumerate(zip(found, lengths, strict=True))
+    ]
 
 
 def preview_kind(kind: str) -> str:

@@ -30,6 +30,8 @@ Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 # Texels that are evaluated at once: a few MiB for each operand.
 BLOCK_TEXELS = 1 << 18
+# The largest number that a texel may have.
+MOST = 3.0e38
 
 
 class CannotFold(Exception):
@@ -204,7 +206,7 @@ def _affine(function: Callable[..., FloatArray], inputs: Sequence[Pattern], plac
     bias = _finite(at(0.0))
     slope = _finite(at(1.0)) - bias
     source = varying.resized(len(bias)) if varying.width == 1 else varying
-    return replace(source, bias=slope * source.bias + bias, scale=slope * source.scale)
+    return replace(source, bias=_finite(slope * source.bias + bias), scale=_finite(slope * source.scale))
 
 
 def _baked(function: Callable[..., FloatArray], inputs: Sequence[Pattern]) -> Pattern:
@@ -316,8 +318,9 @@ def _three_wide(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _finite(values: Any) -> NDArray[Any]:
-    """Values without what is not finite: 0 there, so that no division spoils a picture."""
-    return np.nan_to_num(np.atleast_1d(values), nan=0.0, posinf=0.0, neginf=0.0)
+    """Values without what is not finite: 0 there, so that no division spoils a picture; none beyond float32."""
+    found = np.nan_to_num(np.atleast_1d(values), nan=0.0, posinf=0.0, neginf=0.0)
+    return np.clip(found, -MOST, MOST)
 
 
 def value_of(pattern: Pattern, width: int, columns: PrimvarColumns) -> Any:

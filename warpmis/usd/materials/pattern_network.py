@@ -72,7 +72,12 @@ class PatternNetwork(ShadingNetwork):
 
     def _numbers_pattern(self, attribute: Any, width: int) -> Pattern | None:
         numbers = self._numbers(attribute, width_of(attribute) or width) if attribute else None
-        return None if numbers is None else constant(numbers).resized(width)
+        if numbers is None:
+            return None
+        if not np.isfinite(numbers).all():
+            self.reading.warn(attribute.GetPath(), "it must be finite; it is not used")
+            return None
+        return constant(numbers).resized(width)
 
     def _of_output(self, attribute: Any) -> Pattern | None:
         """What a node's output gives; None, with a warning that names the node, for one that is not known."""

@@ -149,7 +149,7 @@ def unlit(inputs: SurfaceInputs) -> LayeredSurface:
     opacity = inputs.number("opacity", 1.0)
     passed = inputs.number("transmission", 0.0)
     kept = inputs.network.folded(lambda o, t: o * (1.0 - t), [opacity, passed], {0, 1}, "opacity")
-    if not passed.equals(0.0):
+    if not passed.equals(0.0) and not inputs.color("transmission_color", WHITE).equals(1.0):
         inputs.warn_left_out(("transmission_color",), "surface_unlit")
     emission = inputs.times(
         inputs.color("emission_color", WHITE, INFINITY), inputs.number("emission", 1.0, INFINITY), "emission_color"

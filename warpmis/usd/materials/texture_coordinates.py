@@ -28,8 +28,13 @@ def texture_coordinates(network: PatternNetwork, node: Any, tiled: bool) -> tupl
         size = _pair(network, node, "realworldtilesize", 1.0) / _pair(network, node, "realworldimagesize", 1.0)
         tiling, offset = _pair(network, node, "uvtiling", 1.0), _pair(network, node, "uvoffset", 0.0)
         matrix = _scaled(*size) @ _moved(*-offset) @ _scaled(*tiling) @ matrix
-    (a, b, c), (d, e, f) = np.nan_to_num(matrix[:2], posinf=0.0, neginf=0.0).tolist()
-    return network.columns.column(read), ((a, b, c), (d, e, f))
+    return network.columns.column(read), transform_of(matrix)
+
+
+def transform_of(matrix: Matrix) -> Transform:
+    """The two rows of a map, 0 where they are not finite."""
+    (a, b, c), (d, e, f) = np.nan_to_num(matrix[:2], nan=0.0, posinf=0.0, neginf=0.0).tolist()
+    return (a, b, c), (d, e, f)
 
 
 def _coordinates(network: PatternNetwork, node: Any, name: str, depth: int) -> tuple[PrimvarRead, Matrix]:
