@@ -77,7 +77,7 @@ def methods_of(case: HardCase) -> tuple[str, ...]:
         return (case.settings["method"],)
     if case.settings.get("strategies", DEFAULT_STRATEGIES) != DEFAULT_STRATEGIES:
         return ("balance", "murray20")
-    return ("murray20", "auto") if "learn_rounds" in case.settings else METHODS
+    return ("murray20",) if "learn_rounds" in case.settings else METHODS
 
 
 def flaws(result: warpmis.RenderResult) -> list[str]:

@@ -178,7 +178,9 @@ class RenderConfig:
         if self.how.learns:
             self._check_learning()
         elif self.learn != LearnConfig():
-            raise ConfigError(f"method '{self.method}' learns nothing: drop the learn settings, or take murray20")
+            raise ConfigError(f"method '{self.method}' takes no learn settings: drop them, or take murray20")
+        if self.how.cache and self.strategies != DEFAULT_STRATEGIES:
+            raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
 
     @property
     def how(self) -> Method:
@@ -186,22 +188,9 @@ class RenderConfig:
         return METHODS[self.method]
 
     @property
-    def uses_next_event(self) -> bool:
-        """Whether next-event estimation renders pixels in place of a mixture: all of them, or some."""
-        return self.method == "nee" or self.how.next_event
-
-    @property
     def stops(self) -> bool:
         """Whether something else than the number of samples may end the render."""
         return self.target_error is not None or self.time_limit is not None
-
-    @property
-    def learn_stride(self) -> int:
-        """Learning looks at one pixel alone of each cell of so many by so many pixels.
-
-        At all of them where the render is watched, whose parts need as many samples of every pixel.
-        """
-        return self.how.learn_stride if not self.stops else 1
 
     @property
     def learn_budget(self) -> int:
@@ -308,12 +297,6 @@ class RenderConfig:
             raise ConfigError(f"method '{self.method}' shares samples between strategies: name two, such as bsdf,light")
         if self.how.two_strategies and count > 2:
             raise ConfigError(f"method '{self.method}' is for two strategies; take pooled for {count}")
-        if self.how.next_event and self.strategies != DEFAULT_STRATEGIES:
-            raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
-        if self.how.next_event and self.learn.initial_allocation is not None:
-            raise ConfigError(
-                f"method '{self.method}' does not start from an allocation: drop the initial allocation, or take pooled"
-            )
         if self.how.rounds is not None and self.learn.rounds not in (None, self.how.rounds):
             raise ConfigError(f"method '{self.method}' has {self.how.rounds} learn round; drop the number of rounds")
         initial = self.learn.initial_allocation

@@ -27,9 +27,8 @@ class Method:
         cost_aware: variance x cost is minimised, not variance alone.
         learn_share: share of the budget that is spent on learning unless the caller says otherwise.
         max_rounds: most learn rounds that the budget may be divided into.
-        learn_stride: one pixel of each cell of so many by so many takes the learning samples, and all of the cell the
-            shares that it finds.
-        cache: a spatial cache guides the paths at every vertex, where a pilot finds that it pays.
+        cache: a spatial cache guides the paths at every vertex.
+        tries: only where it pays, by a trial.
     """
 
     summary: str
@@ -45,18 +44,12 @@ class Method:
     cost_aware: bool = False
     learn_share: float = 0.5
     max_rounds: int = 8
-    learn_stride: int = 1
     cache: bool = False
+    tries: bool = False
 
     @property
     def learns(self) -> bool:
         return bool(self.solver)
-
-    @property
-    def next_event(self) -> bool:
-        """Whether learning begins with next-event estimation, and a pixel goes on with it where no mixture promises
-        less variance x cost."""
-        return "pair" in self.statistics
 
 
 METHODS: dict[str, Method] = {
@@ -80,14 +73,6 @@ METHODS: dict[str, Method] = {
         two_strategies=True,
     ),
     "murray20": Method(summary="learns from all light: Newton steps (Murray et al. 2020)", solver="newton_seed"),
-    "accumulated": Method(
-        summary="learns the best of nine shares from the samples of all rounds",
-        solver="best_candidate",
-        statistics=("mean", "candidates"),
-        two_strategies=True,
-        keeps=True,
-        pool_radius=0,
-    ),
     "kl-em": Method(
         summary="learns by expectation maximization from the samples of all rounds",
         solver="expectation",
@@ -116,16 +101,5 @@ METHODS: dict[str, Method] = {
     "guided": Method(
         summary="a spatial cache learns directions, shares, roulette and shadow rays at every vertex", cache=True
     ),
-    "auto": Method(
-        summary="learns which is best in each pixel: one of nine shares, or nee (the default)",
-        solver="best_candidate",
-        statistics=("mean", "candidates", "pair"),
-        two_strategies=True,
-        keeps=True,
-        pool_radius=4,
-        cost_aware=True,
-        learn_share=0.125,
-        max_rounds=1,
-        learn_stride=2,
-    ),
+    "auto": Method(summary="guided where a trial finds that it pays, else nee (the default)", cache=True, tries=True),
 }

@@ -1,13 +1,8 @@
-"""What a path costs, as `auto` reckons it:
+"""What a shadow ray costs, over a ray of a path with the vertex at its end (kernels/moments.py: SHADOW_RAY_COST):
 
     python scripts/bench/cost.py [SCENE ...]
 
-shadow ray    its time over that of a path's ray with the vertex at its end: least squares over renders that have
-              different numbers of both (kernels/moments.py: SHADOW_RAY_COST)
-light path    cost, in rays, of what follows a direction that the lights drew over what follows one that the BSDF drew,
-              among directions that can contribute: from equal shares and a pilot of pairs (learn/candidates.py:
-              LIGHT_COST)
-
+Least squares over renders that have different numbers of both.
 Times are CPU times of one thread, medians of repeated rounds of the same samples.
 """
 
@@ -23,7 +18,6 @@ import numpy as np
 import warpmis
 from warpmis.config import RenderConfig
 from warpmis.device.upload import upload
-from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.learn.schedule import Round
 from warpmis.rendering.integrator import Integrator, allocation_of
 from warpmis.scene.features import detect
@@ -52,33 +46,6 @@ def cost(scene: warpmis.Scene, **settings: object) -> tuple[float, float, float]
     return statistics.median(spent) / samples, float(rays / rounds / samples), float(shadow_rays / rounds / samples)
 
 
-def light_cost(scene: warpmis.Scene) -> float:
-    """LIGHT_COST at which the pairs would foretell the cost of equal shares just as it is."""
-    # With a target error all pixels learn.
-    config = RenderConfig(threads=1, method="auto", target_error=0.5)
-    features = detect(scene).with_strategies(config.strategies, config.how.statistics)
-    uploaded = upload(scene, config.device)
-    pilot, mixture = (
-        Integrator(
-            uploaded, features, config, np.full((scene.resolution[0] * scene.resolution[1], 2), share, np.float32)
-        )
-        for share in (0.0, 0.5)
-    )
-    pilot.trace(Round(0, SPP, learn=True), lambda samples: None)
-    mixture.trace(Round(SPP, SPP, learn=False), lambda samples: None)
-    start = pilot.learner.layout.offset("pair")
-    reached, early, late, alive = pilot.learner.moments.numpy()[:, start : start + 4].T
-    of_pairs, of_mixture = (
-        (film.rays.numpy() + SHADOW_RAY_COST * film.shadow_rays.numpy()).sum()
-        for film in (pilot.learn_film, mixture.film)
-    )
-    # Paths that never come to the vertex cost the same in both.
-    spent = of_mixture - (of_pairs - (early + late + SHADOW_RAY_COST * alive).sum())
-    onwards = early - reached
-    by_lights = 0.5 * onwards * np.divide(alive, reached, out=np.zeros_like(alive), where=reached > 0.0)
-    return float((spent - (reached + late + 0.5 * onwards).sum()) / by_lights.sum())
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=SCENES)
@@ -93,7 +60,7 @@ def main() -> None:
         # Relative residuals: a cheap render counts as much as a dear one.
         design = np.column_stack([np.ones(len(rows)), rows[:, 1:]]) / rows[:, :1]
         _, ray, shadow = np.linalg.lstsq(design, np.ones(len(rows)), rcond=None)[0]
-        print(f"{name:14} shadow ray {shadow / ray:.2f}, light path {light_cost(scene):.2f}", flush=True)
+        print(f"{name:14} shadow ray {shadow / ray:.2f}", flush=True)
 
 
 if __name__ == "__main__":

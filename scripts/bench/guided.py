@@ -1,85 +1,130 @@
-"""The method guided against nee and today's default, at equal samples:
+"""The spatial cache against next-event estimation, and `auto` against that of another version of warpmis:
 
-    python scripts/bench/guided.py [SCENE ...] [--spp 64 256] [--width 96] [--seeds 4] [--json FILE]
+    python scripts/bench/guided.py [SCENE ...] [--spp 64 256] [--width 64] [--seeds 6] [--before PATH] [--json FILE]
 
-A scene is a folder of usd_scenes or the path of a stage. The squared error is (x - R0).(x - R1) with two independent
-references, so that their noise does not enter it, without the worst 0.1 % of the pixels.
+A scene is a folder of usd_scenes, a name of interiors.py, or the path of a stage. The error is the relative variance
+over the seeds, the squares over those of the mean of all pictures, without the worst 0.1 % of the pixels: all methods
+have the same mean, as tests/statistical show. Time is CPU time of one thread, learning included.
 
-error   relMSE of the other method over that of guided: how many times as much squared error it leaves
-time    CPU seconds of learning and tracing on one thread, theirs over those of guided: below 1 guided takes longer
-work    error x time: how many times as efficient guided is
-guided  share of the seeds whose pilot found that the picture gains
+guided, auto  how many times as efficient as `nee`: error x time
+before        how many times as efficient `auto` is as the `auto` of the checkout at PATH
+chosen        share of the seeds that `auto` guides
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from denoise import Reference, stage_of
-from methods import CpuClock
+from interiors import STAGES, write_interior
 
-import warpmis
-
-SCENES = ("cornell_box", "veach_plates", "open_terrace", "ajar_door")
-OTHERS = ("nee", "auto")
-
-
-def measure(scene: warpmis.Scene, reference: Reference, method: str, spp: int, seed: int) -> tuple[float, float, bool]:
-    """relMSE, CPU seconds, and whether the picture was guided."""
-    clock = CpuClock()
-    result = warpmis.render(scene, method=method, spp=spp, seed=seed, threads=1, progress=clock)
-    return reference.relative_mse(result.image), clock.seconds(), result.stats["next_event_pixels"] == 0.0
+ROOT = Path(__file__).parents[2]
+SCENES = ("cornell_box", "ajar_door", "veach_plates", "open_terrace", *STAGES)
+METHODS = ("nee", "guided", "auto")
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+DARK = 0.1
+OUTLIERS = 1e-3
 
 
-def row_of(scene: warpmis.Scene, reference: Reference, spp: int, seeds: int) -> dict[str, float]:
-    found: dict[str, list[tuple[float, float, bool]]] = {method: [] for method in (*OTHERS, "guided")}
+def work(stage: str, width: int, spp: int, seeds: int, methods: list[str], out: str) -> None:
+    """In a process of its own, by whichever version of warpmis is on the path: render, and store pictures and times."""
+    import warpmis
+
+    scene = warpmis.load_stage(stage, width=width)
+    found: dict[str, Any] = {}
+    for method in methods:
+        warpmis.render(scene, method=method, spp=128, seed=10_000)  # compiles
+        found |= {f"{method} pictures": [], f"{method} seconds": [], f"{method} guided": []}
     for seed in range(seeds):
-        for method, results in found.items():  # in turns, so that a change of the machine's speed falls on all
-            results.append(measure(scene, reference, method, spp, seed))
-    error = {method: float(np.mean([one[0] for one in results])) for method, results in found.items()}
-    seconds = {method: float(np.median([one[1] for one in results])) for method, results in found.items()}
-    row = {"spp": float(spp), "guided": float(np.mean([one[2] for one in found["guided"]])), "relMSE": error["guided"]}
-    for method in OTHERS:
-        row[f"error {method}"] = error[method] / error["guided"]
-        row[f"time {method}"] = seconds[method] / seconds["guided"]
-        row[f"work {method}"] = row[f"error {method}"] * row[f"time {method}"]
+        for method in methods:  # in turns, so that a change of the machine's speed falls on all
+            begun = time.process_time()
+            result = warpmis.render(scene, method=method, spp=spp, seed=seed, threads=1)
+            found[f"{method} seconds"].append(time.process_time() - begun)
+            found[f"{method} pictures"].append(result.image @ LUMINANCE)
+            found[f"{method} guided"].append(result.stats["next_event_pixels"] == 0.0)
+    np.savez(out, **found)
+
+
+def rendered(program: Path, *arguments: Any) -> dict[str, np.ndarray]:
+    """What `work` stores, by the program in this checkout."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "found.npz"
+        call = json.dumps([*arguments, str(out)])
+        environment = {**os.environ, "PYTHONPATH": str(program)}
+        subprocess.run([sys.executable, __file__, "--work", call], env=environment, check=True)
+        with np.load(out) as found:
+            return dict(found)
+
+
+def relative_variance(pictures: np.ndarray, mean: np.ndarray) -> float:
+    scale = mean**2 + (DARK * mean.mean()) ** 2
+    values = np.sort((pictures.var(axis=0, ddof=1) / scale).ravel())
+    return float(values[: math.ceil(len(values) * (1.0 - OUTLIERS))].mean())
+
+
+def row_of(stage: str, arguments: argparse.Namespace, spp: int) -> dict[str, float]:
+    settings = (stage, arguments.width, spp, arguments.seeds)
+    ours = rendered(ROOT, *settings, list(METHODS))
+    mean = np.mean([ours[f"{method} pictures"].mean(axis=0) for method in METHODS], axis=0)
+    effort = {
+        method: relative_variance(ours[f"{method} pictures"], mean) * float(np.median(ours[f"{method} seconds"]))
+        for method in METHODS
+    }
+    row = {method: effort["nee"] / effort[method] for method in ("guided", "auto")}
+    row |= {"chosen": float(ours["auto guided"].mean()), "seconds": float(np.median(ours["auto seconds"]))}
+    if arguments.before:
+        theirs = rendered(arguments.before, *settings, ["auto"])
+        before = relative_variance(theirs["auto pictures"], mean) * float(np.median(theirs["auto seconds"]))
+        row["before"] = before / effort["auto"]
     return row
+
+
+def stage_of(name: str, folder: Path) -> Path:
+    if name in STAGES:
+        return write_interior(name, folder)
+    return Path(name) if Path(name).exists() else ROOT / "usd_scenes" / name / "scene.usda"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="*", default=SCENES, help="folders in usd_scenes, or paths of stages")
+    parser.add_argument("scenes", nargs="*", default=SCENES, help="folders in usd_scenes, interiors, or paths")
     parser.add_argument("--spp", type=int, nargs="+", default=[64, 256])
-    parser.add_argument("--width", type=int, default=96)
-    parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--reference-spp", type=int, default=4096)
+    parser.add_argument("--width", type=int, default=64)
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--before", type=Path, help="another checkout of warpmis")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--work", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    report: dict[str, list[dict[str, float]]] = {}
+    if arguments.work:
+        work(*json.loads(arguments.work))
+        return
+    report: dict[str, dict[int, dict[str, float]]] = {}
     print(
-        "| scene, spp | guided | relMSE | error, time, **work** over nee | over auto |\n|---|---|---|---|---|",
+        "| scene, spp | guided over nee | auto over nee | chosen | auto over before |\n|---|---|---|---|---|",
         flush=True,
     )
-    for name in arguments.scenes:
-        start = time.perf_counter()
-        scene = warpmis.load_stage(stage_of(name), width=arguments.width)
-        reference = Reference(scene, arguments.reference_spp, "guided")
-        for method in (*OTHERS, "guided"):  # compiles
-            warpmis.render(scene, method=method, spp=128, seed=1)
-        label = Path(name).parent.name if Path(name).exists() else name
-        rows = report[label] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in arguments.scenes:
+            stage = stage_of(name, Path(folder))
+            label = stage.parent.name if Path(name).exists() else name
+            for spp in arguments.spp:
+                row = report.setdefault(label, {})[spp] = row_of(str(stage), arguments, spp)
+                before = f"{row['before']:.2f}" if "before" in row else ""
+                cells = f"{row['guided']:.2f} | {row['auto']:.2f} | {row['chosen']:.0%} | {before}"
+                print(f"| {label}, {spp} | {cells} |", flush=True)
+    if arguments.before:
         for spp in arguments.spp:
-            row = row_of(scene, reference, spp, arguments.seeds)
-            rows.append(row)
-            cells = [
-                f"{row[f'error {one}']:.2f}, {row[f'time {one}']:.2f}, **{row[f'work {one}']:.2f}**" for one in OTHERS
-            ]
-            print(f"| {label}, {spp} | {row['guided']:.0%} | {row['relMSE']:.5f} | {' | '.join(cells)} |", flush=True)
-        print(f"({time.perf_counter() - start:.0f} s)", flush=True)
+            gains = [rows[spp]["before"] for rows in report.values()]
+            print(f"{spp} samples: geometric mean {math.exp(np.log(gains).mean()):.2f} over before", flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=1))
 

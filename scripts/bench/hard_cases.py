@@ -132,7 +132,7 @@ def renderer(case: HardCase, scene: warpmis.Scene, effects: Features, budget: in
 
 
 def methods_of(case: HardCase) -> tuple[str, ...]:
-    """`auto` is for two strategies."""
+    """`auto` has strategies of its own."""
     strategies = case.settings.get("strategies", DEFAULT_STRATEGIES)
     return METHODS if strategies == DEFAULT_STRATEGIES else METHODS[:1]
 

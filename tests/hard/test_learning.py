@@ -36,6 +36,8 @@ def methods_of(case: HardCase) -> list[str]:
     """The methods that the case may be rendered by: its own, else what learns on its strategies."""
     if "method" in case.settings:
         return [case.settings["method"]]
+    if "learn_rounds" in case.settings:
+        return ["murray20"]
     if case.settings.get("strategies", DEFAULT_STRATEGIES) == DEFAULT_STRATEGIES:
         return ["murray20", "auto"]
     return ["murray20", "pooled"] if case.learns else ["murray20"]

@@ -13,12 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
-from toys import Toy, filled, solve, sums
-from unit.learn.test_candidates import MIXTURE, choose, known_of
+from toys import filled, solve, sums
 
 from warpmis.film.film import Film
 from warpmis.kernels.light.dome import upper_bound
-from warpmis.kernels.moments import CANDIDATES, Layout
+from warpmis.kernels.moments import Layout
 from warpmis.kernels.strategies import make_strategies
 from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
@@ -120,27 +119,6 @@ def test_a_step_never_raises_its_model(name: str, count: int) -> None:
         if a.min() >= bounds[0] and a.max() <= bounds[1] and F2.any():
             now = model(F2, q, a)
             assert model(F2, q, step(name, F2, q, a)) <= now * (1.0 + 1e-5)
-
-    check()
-
-
-@pytest.mark.parametrize("stratified", [True, False])
-def test_the_best_candidate_is_no_worse_than_any(stratified: bool) -> None:
-    """By the toy's own variance at each of the shares."""
-    positive = st.floats(1e-3, 1e3)
-
-    @many
-    @given(arrays.arrays(float, 5, elements=positive), arrays.arrays(float, (5, 2), elements=positive))
-    def check(f: FloatArray, p: FloatArray) -> None:
-        toy = Toy(f, p / p.mean(axis=0))
-        shares = choose(MIXTURE, known_of(toy, MIXTURE), stratified=stratified).shares
-        share = min(CANDIDATES, key=lambda c: abs(c - shares[0]))
-        assert shares == pytest.approx([share, 1.0 - share], abs=1e-6)
-        variance = toy.stratified_variance if stratified else toy.variance
-        rounding = 1e-9 * toy.second_moment((0.1, 0.9)) + 1e-9 * toy.second_moment((0.9, 0.1))
-        assert (
-            variance((share, 1.0 - share)) <= min(variance((c, 1.0 - c)) for c in CANDIDATES) * (1.0 + 1e-5) + rounding
-        )
 
     check()
 

@@ -20,7 +20,7 @@ import warpmis
 from warpmis.cache import training
 from warpmis.cli import main
 from warpmis.output.exr import read_exr
-from warpmis.rendering import cluster, guided
+from warpmis.rendering import cluster
 from warpmis.rendering.cluster import Farm, farm_of
 
 pytest.importorskip("distributed")
@@ -34,7 +34,6 @@ def small_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "TASK_SECONDS", 0.05)
     monkeypatch.setattr(cluster, "FIRST_PASS", 2)
     monkeypatch.setattr(training, "FIRST_PATHS", 1024)
-    monkeypatch.setattr(guided, "THRESHOLD", 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from statistical.estimates import REGIONS, block_means, caught_bias, estimates, 
 from stats import sidak
 
 import warpmis
-from warpmis.cache import training
+from warpmis.cache import gate, training
 from warpmis.rendering import guided
 
 SIGNIFICANCE = 0.01
@@ -20,14 +20,17 @@ SEEDS = 150
 
 @pytest.fixture
 def small_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rounds of 2, 4 and 8 samples per pixel in a picture of 24 x 24, all of them in the picture."""
+    """Rounds of 2, 2, 2 and 4 samples per pixel in a picture of 24 x 24, all but the first in the picture."""
     monkeypatch.setattr(training, "FIRST_PATHS", 1152)
     monkeypatch.setattr(training, "KEPT_SAMPLES", 1)
+    monkeypatch.setattr(training, "PILOT_SAMPLES", 2)
+    monkeypatch.setattr(gate, "PILOT_SHARE", 1.0)
+    monkeypatch.setattr(guided, "FEWEST_SAMPLES", 0)
+    kept = [(one.stride, one.samples, one.is_kept) for one in training.training_rounds(576, 32)]
+    assert kept == [(1, 2, False), (1, 2, True), (1, 2, True), (1, 4, True)]
 
 
-def test_learning_from_few_samples_is_unbiased(small_rounds: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guided, "THRESHOLD", 0.0)
-    assert [(r.samples, r.is_kept) for r in training.training_rounds(576, 32)] == [(2, False), (4, True), (8, True)]
+def test_learning_from_few_samples_is_unbiased(small_rounds: None) -> None:
     found = estimates("room", SEEDS, spp=32, method="guided")
     reference = estimates("room", SEEDS, spp=64, method="nee")
     level = sidak(SIGNIFICANCE, REGIONS)
@@ -36,15 +39,21 @@ def test_learning_from_few_samples_is_unbiased(small_rounds: None, monkeypatch: 
 
 
 def test_a_gate_that_flips_is_unbiased(small_rounds: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The gate's threshold is the median of what it sees: half of the pictures are guided."""
+    """What a trial has to promise is the median of what trials promise: half of the pictures are guided."""
     scene = load("room")
-    seen: list[float] = []
-    original = guided.relative_variance
-    monkeypatch.setattr(guided, "relative_variance", lambda *pictures: seen.append(original(*pictures)) or seen[-1])
-    for seed in range(20):
-        warpmis.render(scene, method="guided", spp=2, seed=seed)
-    monkeypatch.setattr(guided, "THRESHOLD", float(np.median(seen)))
-    results = [warpmis.render(scene, method="guided", spp=32, seed=seed) for seed in range(SEEDS)]
+    monkeypatch.setattr(guided, "QUIET", 0.0)
+    gains: list[float] = []
+
+    def remember(pilot: gate.Trial, trials: list[gate.Trial], planned: int) -> bool:
+        gains.extend(gate.gain(pilot, one) for one in trials)
+        return False
+
+    with monkeypatch.context() as watched:
+        watched.setattr(guided, "pays", remember)
+        for seed in range(20):
+            warpmis.render(scene, method="auto", spp=32, seed=seed)
+    monkeypatch.setattr(gate, "LEAST_GAIN", float(np.median(gains)))
+    results = [warpmis.render(scene, method="auto", spp=32, seed=seed) for seed in range(SEEDS)]
     share = np.mean([result.stats["next_event_pixels"] for result in results])
     assert 0.3 < share < 0.7
     found = np.array([block_means(result.image) for result in results])

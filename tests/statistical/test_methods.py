@@ -9,12 +9,7 @@ from scipy import stats as distributions
 
 import warpmis
 from warpmis.config import STRATEGIES
-from warpmis.device.film_buffers import download_film
-from warpmis.device.upload import upload
-from warpmis.learn.allocation import MIXTURE, NEXT_EVENT
-from warpmis.learn.schedule import Round
-from warpmis.rendering import integrator, launches
-from warpmis.scene.features import detect
+from warpmis.rendering import launches
 
 DEPTH = 4
 
@@ -76,22 +71,6 @@ def test_bound_is_told_only_of_what_is_shared() -> None:
     assert "excess_variance_bound" not in rendered("murray20", spp=16, learn_spp=8, learn_rounds=2).stats
 
 
-def test_bound_leaves_out_pixels_that_went_over_to_next_event_estimation() -> None:
-    """They share nothing: whatever noise they have, the figure is that of the pixels that do."""
-    config = warpmis.RenderConfig(method="auto", spp=64, max_depth=2)
-    scene = scenes.room(12)
-    features = detect(scene).with_strategies(config.strategies, config.how.statistics)
-    run = integrator.Integrator(upload(scene, "cpu"), features, config, np.full((144, 2), 0.5, np.float32))
-    run.allocation.estimators.assign(np.repeat([MIXTURE, NEXT_EVENT], 72).astype(np.uint8))
-    run.trace(Round(0, 64, learn=False), lambda samples: None)
-    film = download_film(run.film, 12, 12)
-    bound = run.certificate(film.variance(), film.image())["excess_variance_bound"]
-    noisier = film.variance()
-    noisier[6:] *= 100.0
-    assert 0.0 < bound < 1.0
-    assert run.certificate(noisier, film.image())["excess_variance_bound"] == pytest.approx(bound, rel=1e-6)
-
-
 # ---- the choice of strategy -----------------------------------------------------------------------------------------
 
 
@@ -127,7 +106,7 @@ def test_stratified_choice_is_never_worse(share: float, truth: np.ndarray) -> No
 # ---- rounds ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["pooled", "accumulated"])
+@pytest.mark.parametrize("method", ["pooled", "kl-em"])
 def test_map_is_the_same_whatever_the_threads(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = {"spp": 64, "learn_rounds": 2, "learn_spp": 8}
     reference = rendered(method, threads=1, **settings)
@@ -140,7 +119,7 @@ def test_map_is_the_same_whatever_the_threads(method: str, monkeypatch: pytest.M
         assert np.array_equal(again.image, reference.image)
 
 
-@pytest.mark.parametrize("method", ["murray20", "accumulated"])
+@pytest.mark.parametrize("method", ["murray20", "kl-em"])
 def test_round_allocations_are_those_of_shorter_learning(method: str) -> None:
     settings = {"method": method, "learn_spp": 16, "spp": 64, "max_depth": 2}
     scene = scenes.lit_ceiling(12, lamp=300.0)
@@ -154,28 +133,6 @@ def test_round_allocations_are_those_of_shorter_learning(method: str) -> None:
         assert maps[rounds - 1] == pytest.approx(shorter.allocation, abs=0.5 / 16 + 0.5 / (64 - 16 * rounds) + 1e-6)
         assert not np.array_equal(maps[rounds - 1], maps[rounds])
         assert shorter.round_allocations == ()
-
-
-def test_accumulated_learns_from_the_samples_of_all_rounds() -> None:
-    """From two rounds of equal shares the next step is that of one round of both, where the moments are kept.
-
-    The nine shares leave a pixel at equal ones now and then: only there are both rounds' samples those of one (with
-    independent samples: evenly spread ones begin anew with each round).
-    """
-    settings = {
-        "method": "accumulated",
-        "spp": 64,
-        "max_depth": 2,
-        "strategy_choice": "random",
-        "sampler": "independent",
-    }
-    scene = scenes.lit_ceiling(12, lamp=300.0)
-    two = warpmis.render(scene, learn_rounds=2, learn_spp=16, keep_maps=True, **settings)
-    one = warpmis.render(scene, learn_rounds=1, learn_spp=32, **settings)
-    stayed = two.round_allocations[0][..., 0] == np.float32(0.5)
-    print(f"{stayed.sum()} pixels stayed at equal shares")
-    assert stayed.sum() >= 3
-    assert np.array_equal(two.allocation[stayed], one.allocation[stayed])
 
 
 # ---- eight strategies -----------------------------------------------------------------------------------------------

@@ -7,12 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 import scenes
-from stats import detectable_bias, sidak, welch_test
 
 import warpmis
 from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
-from warpmis.kernels.moments import CANDIDATES, SHADOW_RAY_COST
+from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.learn.schedule import Round
 from warpmis.rendering.integrator import Integrator, allocation_of
 from warpmis.scene.features import detect
@@ -46,21 +45,6 @@ def learned_from(
     return run
 
 
-def observed(seed: int, max_depth: int = BEFORE_ROULETTE, **settings: object) -> warpmis.RenderResult:
-    scene = scenes.lit_ceiling(PIXELS)
-    return warpmis.render(scene, spp=SPP, seed=seed, max_depth=max_depth, **INDEPENDENT, **settings)
-
-
-def candidates_of(run: Integrator) -> np.ndarray:
-    """Predicted variance of each candidate, shape (pixels, 9)."""
-    layout = run.learner.layout
-    known = run.learner.moments.numpy() / SPP
-    start = layout.offset("candidates")
-    mean = known[:, layout.offset("mean")]
-    # (n mean^2 - V) / (n - 1): free of the bias that a squared estimate has.
-    return (known[:, start : start + 18 : 2] - mean[:, None] ** 2) * SPP / (SPP - 1)
-
-
 def test_second_moment_of_the_samples_own_allocation() -> None:
     """sum_s a_s m_s is the second moment of the very samples, since sum_s a_s q_s = 1 for each: no statistics."""
     shares = np.array([0.3, 0.7])
@@ -68,47 +52,6 @@ def test_second_moment_of_the_samples_own_allocation() -> None:
     film = download_film(run.learn_film, PIXELS, PIXELS)
     second = (run.learner.moments.numpy()[:, :2] @ shares).reshape(PIXELS, PIXELS)
     assert second == pytest.approx(film.luminance_m2 + 128 * film.luminance_mean**2, rel=1e-4)
-
-
-@pytest.mark.parametrize("method", ["accumulated", "auto"])
-def test_predicted_variance_is_observed(method: str) -> None:
-    """Summed over the picture, of shares that no learn sample was drawn with: from equal shares (accumulated), or from
-    pairs of next-event estimation (auto), whose own variance is foretold, too. An error of 6 % would be found."""
-    runs = [learned_from(method, seed) for seed in range(1, SEEDS + 1)]
-    predictions = {share: [candidates_of(run)[:, CANDIDATES.index(share)].sum() for run in runs] for share in SHARES}
-    observations = {
-        share: [
-            observed(100 + seed, method="fixed", allocation=(share, 1.0 - share)).variance.sum()
-            for seed in range(SEEDS)
-        ]
-        for share in SHARES
-    }
-    if method == "auto":
-        means = [run.learner.moments.numpy()[:, run.learner.layout.offset("mean") :] / SPP for run in runs]
-        predictions["nee"] = [((mean[:, 1] - mean[:, 0] ** 2) * SPP / (SPP - 1)).sum() for mean in means]
-        observations["nee"] = [observed(100 + seed, method="nee").variance.sum() for seed in range(SEEDS)]
-    for share, foretold in predictions.items():
-        found = np.array(observations[share])
-        error = np.hypot(np.std(foretold, ddof=1), found.std(ddof=1)) / np.sqrt(SEEDS) / found.mean()
-        print(f"{method} {share}: {np.mean(foretold) / found.mean():.4f} +- {error:.4f}")
-        significance = sidak(SIGNIFICANCE, 7)
-        assert welch_test(np.array(foretold), found) > significance
-        assert detectable_bias(error, significance) < 0.06
-
-
-@pytest.mark.parametrize("method", ["accumulated", "auto"])
-def test_predicted_variance_is_observed_beyond_russian_roulette(method: str) -> None:
-    """What is found after it hardly answers to the shares. The prediction takes all of it to be found after the path's
-    last roulette: it is within 6 % with a confidence of 99 %. Light counted as if it answered like the rest would put
-    it off by a fifth and more."""
-    runs = [learned_from(method, seed, max_depth=8) for seed in range(1, SEEDS + 1)]
-    for share in (0.3, 0.5, 0.9):
-        foretold = np.array([candidates_of(run)[:, CANDIDATES.index(share)].sum() for run in runs])
-        settings = {"method": "fixed", "allocation": (share, 1.0 - share), "max_depth": 8}
-        found = np.array([observed(100 + seed, **settings).variance.sum() for seed in range(SEEDS)])
-        error = np.hypot(foretold.std(ddof=1), found.std(ddof=1)) / np.sqrt(SEEDS) / found.mean()
-        print(f"{method} {share}: {foretold.mean() / found.mean():.4f} +- {error:.4f}")
-        assert abs(foretold.mean() / found.mean() - 1.0) + 3.0 * error < 0.06
 
 
 def without_walls() -> warpmis.Scene:

@@ -23,7 +23,6 @@ METHODS: dict[str, dict[str, Any]] = {
     "lpg13": {"method": "lpg13", "learn_spp": 64},
     "sbert19": {"method": "sbert19", **LEARN},
     "murray20": {"method": "murray20", **LEARN},
-    "accumulated": {"method": "accumulated", **LEARN},
     "kl-em": {"method": "kl-em", **LEARN},
     "pooled": {"method": "pooled"},
     "cost-aware": {"method": "cost-aware"},
@@ -83,10 +82,9 @@ def test_methods_agree(name: str) -> None:
 FEW: dict[str, dict[str, Any]] = {
     "murray20": {"method": "murray20", "learn_rounds": 7, "learn_spp": 2},
     "sbert19": {"method": "sbert19", "learn_rounds": 7, "learn_spp": 2},
-    "accumulated": {"method": "accumulated", "learn_rounds": 7, "learn_spp": 2},
     "kl-em": {"method": "kl-em", "learn_rounds": 7, "learn_spp": 2},
     "pooled": {"method": "pooled", "learn_rounds": 4, "learn_spp": 2},
-    "auto": {"method": "auto", "learn_rounds": 2, "learn_spp": 2},
+    "auto": {"method": "auto"},
 }
 FEW_SEEDS = 150
 

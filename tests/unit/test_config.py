@@ -35,7 +35,7 @@ def fixed(allocation: Any, **settings: Any) -> RenderConfig:
         ({"strategies": ("bsdf", "bsdf")}, "name each once"),
         ({"strategies": ()}, "name at least one strategy"),
         ({"strategies": "bsdf"}, "must be a tuple of names"),
-        ({"strategies": ("bsdf",)}, "name two, such as bsdf,light"),
+        ({"method": "murray20", "strategies": ("bsdf",)}, "name two, such as bsdf,light"),
         ({"method": "bsdf", "strategies": ("light",)}, "add bsdf, which reaches every path"),
         ({"method": "balance", "strategies": ("light", "area", "dome")}, "add bsdf, which reaches every path"),
         ({"allocation": (0.5, 0.5)}, "drop the allocation, or take method 'fixed'"),
@@ -117,7 +117,7 @@ def test_strategies_become_a_tuple() -> None:
 
 
 def test_numpy_numbers_become_plain() -> None:
-    config = RenderConfig(spp=np.int64(64), seed=np.uint32(7), learn=LearnConfig(rounds=np.int32(2)))
+    config = RenderConfig(spp=np.int64(64), seed=np.uint32(7), method="pooled", learn=LearnConfig(rounds=np.int32(2)))
     assert [type(value) for value in (config.spp, config.seed, config.learn.rounds)] == [int, int, int]
 
 
@@ -137,24 +137,24 @@ def test_learning_takes_half_of_the_budget_unless_told(spp: int, learn: LearnCon
     assert RenderConfig(spp=spp, method="murray20", learn=learn).learn_spp() == expected
 
 
-@pytest.mark.parametrize(("method", "expected"), [("auto", 128), ("pooled", 32), ("cost-aware", 32), ("lpg13", 512)])
+@pytest.mark.parametrize(("method", "expected"), [("pooled", 32), ("cost-aware", 32), ("lpg13", 512)])
 def test_each_method_spends_its_own_share_on_learning(method: str, expected: int) -> None:
-    """An eighth for what pools its neighbours' samples, in one round for auto; lpg13's only round is half of all."""
+    """An eighth for what pools its neighbours' samples; lpg13's only round is half of all."""
     assert RenderConfig(spp=1024, method=method).learn_spp() == expected
 
 
 def test_learning_within_the_budget() -> None:
-    RenderConfig(spp=64, learn=LearnConfig(rounds=8, spp=8))
+    RenderConfig(spp=64, method="murray20", learn=LearnConfig(rounds=8, spp=8))
     with pytest.raises(
         ConfigError, match=r"8 learn rounds of 9 samples per pixel exceed .* 64; raise spp to 72 or more"
     ):
-        RenderConfig(spp=64, learn=LearnConfig(rounds=8, spp=9))
+        RenderConfig(spp=64, method="murray20", learn=LearnConfig(rounds=8, spp=9))
 
 
 def test_budget_concerns_the_learning_method_alone() -> None:
     RenderConfig(spp=1, method="balance")
     with pytest.raises(ConfigError, match="or take fewer learn rounds"):
-        RenderConfig(spp=1, learn=LearnConfig(rounds=2))
+        RenderConfig(spp=1, method="murray20", learn=LearnConfig(rounds=2))
 
 
 @pytest.mark.parametrize(("spp", "rounds"), [(1, 1), (4, 1), (255, 1), (256, 2), (1024, 4), (16384, 8), (1 << 20, 8)])
@@ -194,10 +194,10 @@ def test_initial_allocation_has_a_share_for_each_strategy() -> None:
 
 
 @pytest.mark.parametrize("learn", [{"rounds": 2}, {"spp": 4}, {"initial_allocation": (0.5, 0.5)}, {"keep_maps": True}])
-@pytest.mark.parametrize("method", ["bsdf", "balance", "nee", "fixed"])
+@pytest.mark.parametrize("method", ["bsdf", "balance", "nee", "fixed", "guided", "auto"])
 def test_rejects_learning_where_nothing_is_learned(method: str, learn: dict[str, Any]) -> None:
     allocation = (0.5, 0.5) if method == "fixed" else None
-    with pytest.raises(ConfigError, match=f"'{method}' learns nothing: drop the learn settings, or take murray20"):
+    with pytest.raises(ConfigError, match=f"'{method}' takes no learn settings: drop them, or take murray20"):
         RenderConfig(method=method, allocation=allocation, learn=LearnConfig(**learn))
 
 
@@ -207,10 +207,8 @@ def test_rejects_learning_where_nothing_is_learned(method: str, learn: dict[str,
         ("lpg13", {"learn": LearnConfig(rounds=2)}, "method 'lpg13' has 1 learn round; drop the number of rounds"),
         ("lpg13", {"strategies": STRATEGIES}, "for two strategies; take pooled for 8"),
         ("sbert19", {"strategies": ("bsdf", "light", "uniform")}, "for two strategies; take pooled for 3"),
-        ("accumulated", {"strategies": ("bsdf", "light", "uniform")}, "for two strategies; take pooled for 3"),
         ("auto", {"strategies": ("bsdf", "dome")}, "for the strategies bsdf,light; take pooled for others"),
         ("auto", {"strategies": ("light", "bsdf")}, "for the strategies bsdf,light; take pooled for others"),
-        ("auto", {"learn": LearnConfig(initial_allocation=(0.5, 0.5))}, "drop the initial allocation, or take pooled"),
     ],
 )
 def test_rejects_what_a_method_is_not_made_for(method: str, settings: dict[str, Any], message: str) -> None:

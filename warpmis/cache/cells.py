@@ -38,6 +38,15 @@ class Refinement:
     cell_of: IntArray
 
 
+@dataclass(frozen=True, eq=False)
+class WideTree:
+    """A tree as device.cache_views.CellTreeView has it."""
+
+    axes: IntArray
+    splits: NDArray[np.float32]
+    children: IntArray
+
+
 class CellTree:
     """A k-d tree that grows leaf by leaf; cells keep their index, and new ones come behind them.
 
@@ -71,6 +80,36 @@ class CellTree:
                 return self.child[node]
             above = places[rows, np.maximum(axis, 0)].astype(np.float32) > self.split[node]
             node = np.where(inner, self.child[node] + above, node)
+
+    def wide(self) -> WideTree:
+        """The tree with three of its levels in a node."""
+        axes: list[IntArray] = []
+        splits: list[NDArray[np.float32]] = []
+        children: list[IntArray] = []
+        count, level = 1, np.zeros(1, np.int64)
+        while len(level):
+            row: IntArray = level[:, np.newaxis]
+            packed, node_splits, place = np.zeros(len(level), np.int64), [], 0
+            for _ in range(3):
+                inner = self.axis[row] != LEAF
+                # A leaf above the last level is its own first child.
+                for column in np.where(inner, self.axis[row], 0).T:
+                    packed |= column << (3 * place)
+                    place += 1
+                node_splits.append(np.where(inner, self.split[row], np.float32(np.inf)))
+                pairs = np.stack(
+                    [np.where(inner, self.child[row], row), np.where(inner, self.child[row] + 1, row)], axis=2
+                )
+                row = pairs.reshape(len(level), -1)
+            inner = self.axis[row] != LEAF
+            row_children = -1 - self.child[row]
+            row_children[inner] = count + np.arange(inner.sum())
+            level = row[inner]
+            count += len(level)
+            axes.append(packed)
+            splits.append(np.pad(np.concatenate(node_splits, axis=1), ((0, 0), (0, 1))))
+            children.append(row_children)
+        return WideTree(np.concatenate(axes), np.concatenate(splits).ravel(), np.concatenate(children).ravel())
 
     def refine(self, places: FloatArray, cell_of: IntArray, stands_for: float = 1.0) -> Refinement:
         """Divide every leaf of more than MOST_RECORDS records until there is none, or MOST_CELLS are reached.

@@ -1,6 +1,13 @@
-"""Whether a picture gains by a cache: how noisy next-event estimation leaves its pixels, by a pilot."""
+"""Whether a picture gains by a cache: a pilot by next-event estimation, and trials with what the cache knows by then.
+
+Each looks at the first pixel of each cell of some pixels, with two lattices of samples, whose difference tells the
+variance: it knows what even samples gain, which the spread of single samples does not.
+"""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,25 +15,55 @@ from numpy.typing import NDArray
 from warpmis.film.metrics import LUMINANCE, without_outliers
 
 FloatArray = NDArray[np.float64]
+FloatImage = NDArray[np.floating]
 
-# The pilot looks at about so many pixels, or all of them, with two lattices of samples each.
+# The pilot looks at about so many pixels, or all of them, with two lattices of samples each; and so does the trial.
 PILOT_PIXELS = 1024
 PILOT_SAMPLES = 8
-# Relative variance of one sample above which a guided picture wins: 1.0 to 2.1 decided 15 of 16 scenes rightly.
-THRESHOLD = 1.5
+# Of small renders the pilot takes this part at most; those of fewer samples in all are not worth a pilot.
+PILOT_SHARE = 1.0 / 16.0
+FEWEST_SAMPLES = 1 << 16
+# Relative variance of one sample below which a cache has nothing to learn.
+QUIET = 0.75
+# Time of a ray of a guided path over that of one without.
+RAY_TIME = 1.55
+# Least gain that a trial must promise: while others follow, one of a cache that is yet to improve, and of the last one.
+EARLY_GAINS = (0.5, 0.75)
+LEAST_GAIN = 0.95
 # Part of the mean luminance below which a pixel counts as if it were that bright.
 DARK = 0.1
 
 
-def pilot_stride(pixels: int) -> int:
-    """The pilot takes the first pixel of each cell of so many by so many."""
-    return max(1, round((pixels / PILOT_PIXELS) ** 0.5))
+@dataclass(frozen=True)
+class Trial:
+    """What a pilot or a trial found: the relative variance of a sample, and its cost [rays]."""
+
+    variance: float
+    cost: float
 
 
-def relative_variance(first: NDArray[np.floating], second: NDArray[np.floating], expected: FloatArray) -> float:
+def pilot_stride(pixels: int, spp: int) -> int:
+    """The pilot takes the first pixel of each cell of so many by so many, of a render of spp samples per pixel."""
+    looked_at = min(PILOT_PIXELS, PILOT_SHARE * pixels * spp / (2 * PILOT_SAMPLES))
+    return max(1, math.ceil((pixels / max(looked_at, 1.0)) ** 0.5 - 0.5))
+
+
+def pays(pilot: Trial, trials: list[Trial], planned: int) -> bool:
+    """Whether paths by the cache promise less variance x time, by the latest of so many planned trials."""
+    if not trials:
+        return False
+    follow = len(trials) < planned
+    least = EARLY_GAINS[min(len(trials), len(EARLY_GAINS)) - 1] if follow else LEAST_GAIN
+    return gain(pilot, trials[-1]) > least
+
+
+def gain(pilot: Trial, trial: Trial) -> float:
+    """Variance x time of paths without the cache over that of paths by what it knew in the trial."""
+    return pilot.variance * pilot.cost / max(trial.variance * trial.cost * RAY_TIME, 1e-30)
+
+
+def relative_variance(first: FloatImage, second: FloatImage, expected: FloatArray) -> float:
     """Mean over the pixels of the variance of one sample over the squared luminance, without the worst pixels.
-
-    By the difference of two lattices: it knows what even samples gain, which the spread of single samples does not.
 
     Args:
         first, second: means of PILOT_SAMPLES samples each, linear Rec.709, shape (H, W, 3).

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpmis.cache.cell_moments import DECAY, FIRST_SHARE, CellMoments, updated_shares, worths
 from warpmis.cache.cells import CellTree, IntArray
 from warpmis.cache.directions import guide_densities, pyramid
-from warpmis.device.cache_views import GUIDE_BINS, CacheView, CellNodeView, CellView, VertexRecord
+from warpmis.device.cache_views import GUIDE_BINS, CacheView, CellTreeView, CellView, VertexRecord
 from warpmis.device.struct_arrays import records
 from warpmis.kernels.cache.lookup import make_locate
 
@@ -21,7 +21,7 @@ Launch = Callable[[wp.Kernel, int, list[Any]], None]
 
 BINS = GUIDE_BINS * GUIDE_BINS
 # The tree is refined by about this many records; the sums are of all.
-TREE_RECORDS = 50_000
+TREE_RECORDS = 16_000
 # What is added up of each record.
 COLUMNS = ("tail", "light", "cost", "bsdf_ratio", "radiance", "jacobian")
 
@@ -52,16 +52,20 @@ class SpatialCache:
     def cells(self) -> int:
         return self.tree.cells
 
-    def learn(self, vertices: wp.array, launch: Launch) -> None:
-        """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths."""
+    def learn(self, vertices: wp.array, launch: Launch) -> IntArray:
+        """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths.
+
+        Returns the cell of each record, -1 where there was no vertex.
+        """
         table = vertices.numpy()
         # A record that left float32's range says nothing.
         finite = np.isfinite(table["tail"]) & np.isfinite(table["light"]) & np.isfinite(table["jacobian"])
         used = np.flatnonzero((table["used"] != 0) & finite)
         if len(used) == 0:
-            return
+            return np.full(len(vertices), -1)
         self._refine(table, used)
-        cells, bins = (found[used] for found in self._locate(vertices, launch))
+        cell_of, bin_of = self._locate(vertices, launch)
+        cells, bins = cell_of[used], bin_of[used]
         columns = {name: table[name][used].astype(np.float64) for name in COLUMNS}
         latest = self._sums(columns, cells)
         self.moments = self.moments.plus(latest)
@@ -74,6 +78,7 @@ class SpatialCache:
             self.shares = updated_shares(self.shares, latest, self.moments)
         self.densities = guide_densities(self.histogram, self.shares)
         self.tail_worth, self.light_worth = worths(self.moments)
+        return cell_of
 
     def _refine(self, table: NDArray[Any], used: IntArray) -> None:
         step = max(1, len(used) // TREE_RECORDS)
@@ -88,7 +93,7 @@ class SpatialCache:
 
     def _locate(self, vertices: wp.array, launch: Launch) -> tuple[IntArray, IntArray]:
         cells, bins = (wp.zeros(len(vertices), dtype=int, device=self.device) for _ in range(2))
-        launch(make_locate(), len(vertices), [vertices, self.nodes(), cells, bins])
+        launch(make_locate(), len(vertices), [vertices, self.tree_view(), cells, bins])
         return cells.numpy().astype(np.int64), bins.numpy().astype(np.int64)
 
     def _sums(self, columns: dict[str, FloatArray], cells: IntArray) -> CellMoments:
@@ -122,17 +127,18 @@ class SpatialCache:
             setattr(self.tree, name, state["tree"][name])
         self.moments = CellMoments(**state["moments"])
 
-    def nodes(self) -> wp.array:
+    def tree_view(self) -> CellTreeView:
         """The tree over the cells, for kernels."""
-        columns = {"axis": self.tree.axis, "child": self.tree.child, "split": self.tree.split}
-        with wp.ScopedDevice(self.device):
-            return records(CellNodeView, columns, len(self.tree.axis))
+        wide, view = self.tree.wide(), CellTreeView()
+        view.axes, view.children = (wp.array(one, dtype=int, device=self.device) for one in (wide.axes, wide.children))
+        view.splits = wp.array(wide.splits, dtype=wp.float32, device=self.device)
+        return view
 
     def view(self, pixel_worth: NDArray[np.float32]) -> CacheView:
         """What kernels read; pixel_worth: what radiance is worth in each pixel [1 / radiance], shape (pixels,)."""
         columns = {"bsdf_share": self.shares, "tail_worth": self.tail_worth, "shadow_ray_worth": self.light_worth}
         view = CacheView()
-        view.nodes = self.nodes()
+        view.tree = self.tree_view()
         with wp.ScopedDevice(self.device):
             view.cells = records(CellView, columns, self.cells)
         view.densities = wp.array(pyramid(self.densities).ravel(), dtype=wp.float32, device=self.device)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from warpmis.cache.gate import PILOT_SAMPLES, pilot_stride
+
 # Paths of the first round, and the most of all rounds: a cache of some hundred cells learns no more from others.
 FIRST_PATHS = 1 << 13
 MOST_PATHS = 1 << 20
+# After rounds of so many paths there is another trial.
+TRIALS = (1 << 15, 1 << 17)
 # Part of the samples that may train.
 MOST_SHARE = 0.5
 # Rounds with fewer samples per pixel are left out of the picture, and the first one is: their guides know little yet.
@@ -18,26 +22,42 @@ class Training:
     """One round: `samples` paths of the first pixel of each cell of stride x stride pixels.
 
     is_kept: whether the picture holds the samples. It is fixed beforehand, so that no sample has a say in it.
+    half: of a trial, which of its two rounds, None for others.
     """
 
     stride: int
     samples: int
     is_kept: bool
+    half: int | None = None
+
+    def paths(self, pixels: int) -> float:
+        return pixels * self.samples / self.stride**2
 
 
 def training_rounds(pixels: int, spp: int) -> list[Training]:
-    """The rounds of a render of so many pixels and samples per pixel."""
+    """The rounds of a render of so many pixels and samples per pixel: with trials among them."""
     most = min(MOST_PATHS, MOST_SHARE * pixels * spp)
-    rounds: list[Training] = []
-    paths, spent = float(FIRST_PATHS), 0.0
-    while spent + paths <= most:
-        stride = max(1, round((pixels / paths) ** 0.5))
-        samples = 1 << round_to_bit(paths / pixels) if stride == 1 else 1
-        is_kept = len(rounds) > 0 and stride == 1 and samples >= KEPT_SAMPLES
-        rounds.append(Training(stride, samples, is_kept))
-        spent += pixels * rounds[-1].samples / stride**2
+    stride = pilot_stride(pixels, spp)
+    trial = [Training(stride, PILOT_SAMPLES, stride == 1, half) for half in (0, 1)]
+    plan = [_round(FIRST_PATHS, pixels, is_first=True), *trial]
+    paths = 2.0 * FIRST_PATHS
+    while paths <= most:
+        plan.append(_round(paths, pixels))
+        if paths in TRIALS:
+            plan += trial
         paths *= 2.0
+    rounds: list[Training] = []
+    for one in plan:
+        if sum(other.paths(pixels) for other in rounds) + one.paths(pixels) > most:
+            break
+        rounds.append(one)
     return rounds
+
+
+def _round(paths: float, pixels: int, *, is_first: bool = False) -> Training:
+    stride = max(1, round((pixels / paths) ** 0.5))
+    samples = 1 << round_to_bit(paths / pixels) if stride == 1 else 1
+    return Training(stride, samples, stride == 1 and samples >= KEPT_SAMPLES and not is_first)
 
 
 def round_to_bit(quotient: float) -> int:

@@ -31,6 +31,7 @@ def lines(stats: Mapping[str, Any], callers: Mapping[str, str | None]) -> Iterat
     if forced:
         yield f"compiled though nothing calls for it: {', '.join(forced)}"
     yield f"left out: {', '.join(name for name in callers if name not in on) or 'nothing'}"
+    yield from _cache_lines(stats.get("cache"))
     compiled, cached = stats["kernels_compiled"], stats["kernels_cached"]
     yield f"kernels: {compiled} compiled, {cached} from the cache, ready after {stats['compile_seconds']:.2f} s"
     yield "seconds: " + ", ".join(f"{phase} {seconds:.2f}" for phase, seconds in stats["seconds"].items())
@@ -38,3 +39,16 @@ def lines(stats: Mapping[str, Any], callers: Mapping[str, str | None]) -> Iterat
     yield f"rays: {per_sample:.2f} a sample, {stats['rays_per_second'] / 1e6:.2f} M a second"
     memory = {**stats["bytes"]["scene"], "picture": stats["bytes"]["picture"]}
     yield "memory: " + ", ".join(f"{purpose} {byte_text(size)}" for purpose, size in memory.items())
+
+
+def _cache_lines(cache: Mapping[str, Any] | None) -> Iterator[str]:
+    """What pilot and trials of the spatial cache found, and what was decided."""
+    if cache is None:
+        return
+    outcome = f"guided by a cache of {cache['cells']} cells" if cache["guided"] else "next-event estimation"
+    found = []
+    if "variance" in cache:
+        found.append(f"a pilot found a relative variance of {cache['variance']:.3g} a sample")
+    if cache["gains"]:
+        found.append(f"trials promised a gain of {', '.join(f'{gain:.2f}' for gain in cache['gains'])}")
+    yield f"picture: {outcome}" + (f"; {'; '.join(found)}" if found else "")

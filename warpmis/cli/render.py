@@ -21,7 +21,7 @@ from warpmis.cli.shot import Shot, add_shot_options
 from warpmis.cli.stage_options import add_stage_options, given, stage_options
 from warpmis.cli.streams import print_result
 from warpmis.config import CEILING, SAMPLERS, STRATEGIES, STRATEGY_CHOICES, LearnConfig, RenderConfig
-from warpmis.errors import ConfigError, Interrupted
+from warpmis.errors import Interrupted
 from warpmis.methods import METHODS
 from warpmis.output.balance_map import primaries
 from warpmis.rendering.result import IDS, RenderResult
@@ -288,9 +288,8 @@ def _json(arguments: argparse.Namespace, reports: list[dict[str, Any]], shot: Sh
 
 def _check_has_map(config: RenderConfig) -> None:
     """Refuse now, not after the render, what cannot be shown."""
-    if config.how.cache:
-        raise ConfigError(f"method '{config.method}' shares samples by vertex: there is no map by pixel to write")
-    primaries(config.strategies)
+    if not config.how.cache:
+        primaries(config.strategies)
 
 
 def _render(

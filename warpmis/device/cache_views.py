@@ -9,16 +9,17 @@ GUIDE_NODES = sum(4**level for level in range(1, GUIDE_LEVELS + 1))
 
 
 @wp.struct
-class CellNodeView:
-    """A node of the tree over the cache's cells.
+class CellTreeView:
+    """The tree over the cache's cells, three levels of a k-d tree in each node: seven splits and eight children.
 
-    axis: 0 to 2 for position, 3 to 5 for the normal, -1 for a leaf; child: the first of its two children, of a leaf its
-    cell; split: what lies above it belongs to the second child.
+    axes: of the node's splits, three bits each, the lowest of the first: 0 to 2 for position, 3 to 5 for the normal.
+    splits: eight places a node, the last one unused: of the root, of its two children, of their four; what lies above
+    a split belongs to the second child. children: eight a node; a cell c is -1 - c.
     """
 
-    axis: int
-    child: int
-    split: float
+    axes: wp.array(dtype=int)
+    splits: wp.array(dtype=wp.float32)
+    children: wp.array(dtype=int)
 
 
 @wp.struct
@@ -73,7 +74,7 @@ class CacheView:
     record_stride x record_stride pixels of a picture of this width.
     """
 
-    nodes: wp.array(dtype=CellNodeView)
+    tree: CellTreeView
     cells: wp.array(dtype=CellView)
     densities: wp.array(dtype=wp.float32)
     pixel_worth: wp.array(dtype=wp.float32)

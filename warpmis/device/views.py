@@ -408,8 +408,7 @@ class RoundView:
     first_sample, end_sample: each pixel takes the samples from the one to before the other; seed, max_depth,
     stratified: settings of the render (RenderConfig).
     lattice_start: the sample at which the first lattice begins; lattice_length: points of each; lattice_steps: of all.
-    by_cells: a thread is for a cell of stride x stride pixels and traces the first of them. If not, it is for a pixel,
-    and the first of each cell has taken pilot_samples already.
+    stride: a thread is for a cell of stride x stride pixels and traces the first of them.
     direct_only: learn from the light that comes straight from the lights.
     """
 
@@ -421,9 +420,7 @@ class RoundView:
     lattice_start: int
     lattice_length: int
     lattice_steps: vec_lattice
-    by_cells: bool
     stride: int
-    pilot_samples: int
     direct_only: bool
 
 

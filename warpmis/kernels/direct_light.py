@@ -21,13 +21,11 @@ wp.set_module_options({"enable_backward": False})
 class DirectLight:
     """Light that a vertex scatters from a light sample, and the shadow rays that it took.
 
-    bsdf_share: the BSDF's density of its direction, over those of the BSDF and the lights together.
     light: row among all lights, then the delta lights; diffuse: the diffuse lobe's share of the radiance, per colour.
     """
 
     radiance: wp.vec3
     rays: int
-    bsdf_share: float
     light: int
     diffuse: wp.vec3
 
@@ -115,7 +113,6 @@ def make_direct_light(
         direct = DirectLight()
         light = light_sample(scene, r, vertex)
         if light.pdf > 0.0:
-            direct.bsdf_share = balance_weight(light.pdf_bsdf, light.pdf)
             direct.radiance = shadowed(scene, r, light) * (balance_weight(light.pdf, light.pdf_bsdf) / light.pdf)
             direct.rays = 1
             direct.light = r.choice.light

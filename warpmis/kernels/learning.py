@@ -23,32 +23,12 @@ def make_learning(features: Features, path: SimpleNamespace) -> SimpleNamespace:
     moments = make_moments(layout)
     vec_k = moments.vec_k
     PathState = path.PathState
-    bsdf = strategies.index("bsdf") if features.learns_from_pairs else 0
-
-    @wp.func
-    def add_pair(sums: wp.ref[vec_k], path: wp.ref[PathState], early_cost: float, late_cost: float):
-        pair = path.record
-        sums = moments.add_pair(
-            sums,
-            pair.light,
-            pair.light_share,
-            pair.direct,
-            pair.F - pair.light - pair.direct,
-            pair.F_late,
-            pair.throughput,
-            path.estimate.q[wp.static(bsdf)],
-            early_cost - SHADOW_RAY_COST * float(pair.light_rays),
-            late_cost,
-            pair.light_rays,
-        )
 
     @wp.func
     def add_statistics(sums: wp.ref[vec_k], path: wp.ref[PathState], early_cost: float, late_cost: float):
         sums = moments.add_statistics(
             sums,
             path.record.F,
-            path.record.F_late,
-            path.record.throughput,
             early_cost,
             late_cost,
             path.estimate.q,
@@ -66,9 +46,6 @@ def make_learning(features: Features, path: SimpleNamespace) -> SimpleNamespace:
             # The cost of a path without a first vertex does not depend on the shares: all of it is late cost.
             early_cost = ray_cost(path.record.early_rays, path.record.early_shadow_rays)
             late_cost = ray_cost(path.rays, path.shadow_rays) - early_cost
-            if wp.static(features.learns_from_pairs):
-                add_pair(sums, path, early_cost, late_cost)
-            else:
-                add_statistics(sums, path, early_cost, late_cost)
+            add_statistics(sums, path, early_cost, late_cost)
 
     return SimpleNamespace(vec_k=vec_k, is_on=layout.size > 0, add=add)

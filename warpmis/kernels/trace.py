@@ -23,11 +23,6 @@ def first_pixel_of(cell: int, stride: int, width: int) -> int:
 
 
 @wp.func
-def is_first_of_cell(pixel: int, stride: int, width: int) -> bool:
-    return pixel % width % stride == 0 and pixel / width % stride == 0
-
-
-@wp.func
 def random_key(round: RoundView, pixel: int, sample: int) -> rng.RngKey:
     """What the random numbers of one sample are a function of."""
     key = rng.RngKey()
@@ -65,25 +60,18 @@ def make_trace(features: Features) -> KernelFunction:
         camera: CameraView,
         round: RoundView,
         first: int,
-        estimators: wp.array(dtype=wp.uint8),
-        estimator: int,
+        traced: wp.array(dtype=wp.uint8),
         allocation: wp.array(dtype=vec_s),
         film: FilmView,
         moment_sums: wp.array(dtype=vec_k),
     ):
-        """A thread a pixel from `first` on, or a cell in a round of cells; `estimators`: of each pixel, which of two
-        kernels is to trace it, this one being `estimator`; empty where this kernel traces all."""
+        """A thread a pixel from `first` on, or a cell of round.stride x round.stride pixels; `traced`: which ones have
+        these samples already; empty where none has."""
         index = first + wp.tid()
-        if estimators.shape[0] > 0:
-            if int(estimators[index]) != estimator:
+        if traced.shape[0] > 0:
+            if traced[index] != wp.uint8(0):
                 return
-        pixel = index
-        first_sample = round.first_sample
-        if round.by_cells:
-            pixel = first_pixel_of(index, round.stride, camera.width)
-        elif is_first_of_cell(pixel, round.stride, camera.width):
-            # It has taken the samples of the pilot already.
-            first_sample = wp.max(first_sample, round.pilot_samples)
+        pixel = first_pixel_of(index, round.stride, camera.width)
         shares = vec_s()
         if wp.static(has_strategies):
             shares = allocation[index]
@@ -92,7 +80,7 @@ def make_trace(features: Features) -> KernelFunction:
         moments = vec_k()
         if wp.static(learning.is_on):
             moments = moment_sums[index]
-        for k in range(first_sample, round.end_sample):
+        for k in range(round.first_sample, round.end_sample):
             key = random_key(round, pixel, k)
             u_pixel = sampler.of_pixel(key, rng.CAMERA)
             ray = camera_ray(camera, key, pixel, u_pixel[0], u_pixel[1])

@@ -8,7 +8,6 @@ import warp as wp
 
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
-from warpmis.learn.allocation import Allocation
 from warpmis.learn.neighbours import Neighbours
 from warpmis.learn.solver import Launch, Problem
 from warpmis.learn.solvers import SOLVERS
@@ -17,10 +16,9 @@ from warpmis.methods import Method
 
 
 class Learner:
-    """Learning by cells of stride x stride pixels, of which the method's learn rounds sample one.
+    """Learning by pixels.
 
     Attributes:
-        cells: their number; width, height: in each row and column.
         moments: sums over the samples since the round began, or over all rounds if the method keeps them.
         plain_moments: of a round from which nothing is learned, without statistics, by pixels: they tell how good its
             shares are. The same buffer where the method takes no statistics.
@@ -33,26 +31,23 @@ class Learner:
         size: tuple[int, int],
         stratified: bool,
         device: str,
-        stride: int = 1,
         lattice: bool = False,
     ) -> None:
         """size: the picture's width and height [pixel]; lattice: whether the sampler is one."""
         self.method = method
-        self.stride = stride
-        self.width, self.height = (-(-length // stride) for length in size)
-        self.cells = self.width * self.height
+        pixels = size[0] * size[1]
         self.count = len(strategies)
         self.whole_samples = make_whole_samples(self.count)
         self.layout = Layout(self.count if self.count > 1 else 0, method.statistics)
-        self.problem = Problem(method, self.layout, self.cells, device, stratified, lattice)
-        self.moments = allocate_moments(self.layout, self.cells, device)
+        self.problem = Problem(method, self.layout, pixels, device, stratified, lattice)
+        self.moments = allocate_moments(self.layout, pixels, device)
         self.plain_moments = self.moments
         if method.statistics:
-            self.plain_moments = allocate_moments(Layout(self.layout.strategies), size[0] * size[1], device)
+            self.plain_moments = allocate_moments(Layout(self.layout.strategies), pixels, device)
         self.solver = SOLVERS[method.solver](self.problem) if method.learns else None
         self.neighbours = None
         if method.pool_radius is not None:
-            self.neighbours = Neighbours(self.layout, method.pool_radius, (self.width, self.height), device)
+            self.neighbours = Neighbours(self.layout, method.pool_radius, size, device)
 
     @property
     def kernels(self) -> list[wp.Kernel]:
@@ -74,18 +69,18 @@ class Learner:
         elif not self.method.keeps:
             self.moments.zero_()
 
-    def step(self, allocation: Allocation, film: FilmView, launch: Launch) -> None:
-        """Replace the cells' decisions by the next ones; `film` holds the samples of the moments."""
+    def step(self, shares: wp.array, film: FilmView, launch: Launch) -> None:
+        """Replace the pixels' shares by the next ones; `film` holds the samples of the moments."""
         assert self.solver is not None
         moments = self.moments
         if self.neighbours:
             moments = self.neighbours.pool(self.moments, film, launch)
-        self.solver.step(moments, allocation, launch)
+        self.solver.step(moments, shares, launch)
 
-    def round_to_samples(self, allocation: Allocation, samples: int, launch: Launch) -> None:
+    def round_to_samples(self, shares: wp.array, samples: int, launch: Launch) -> None:
         """Make the shares whole numbers of samples, for a round of so many, where that is worth it."""
         if self.problem.stratified and rounds_well(samples, self.count):
-            launch(self.whole_samples, [allocation.shares, samples, self.problem.min_share])
+            launch(self.whole_samples, [shares, samples, self.problem.min_share])
 
 
 def allocate_moments(layout: Layout, cells: int, device: str) -> wp.array:

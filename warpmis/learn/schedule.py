@@ -11,26 +11,19 @@ from warpmis.config import RenderConfig
 class Round:
     """Samples per pixel traced with one frozen allocation; `learn`: its moments then give the next one.
 
-    pilot: so many of the samples have been taken in the pixels that learning looked at, one in several (RenderConfig:
-    learn_stride). sequence: the samples that are spread evenly together: those of the round, or for a pilot also those
-    after it, since its pixels go on as they began. following: samples per pixel of the round after it, 0 for none;
-    label: for those who watch. is_kept: the picture holds its samples. may_be_left_out: where time is short, the render
-    goes on without it.
+    following: samples per pixel of the round after it, 0 for none; label: for those who watch.
+    stride: of each cell of so many by so many pixels the first one is traced. is_kept: the picture holds the samples.
+    may_be_left_out: where time is short, the render goes on without the round.
     """
 
     first_sample: int
     samples: int
     learn: bool
-    pilot: int = 0
-    after: int = 0
     following: int = 0
     label: str = ""
+    stride: int = 1
     is_kept: bool = True
     may_be_left_out: bool = False
-
-    @property
-    def sequence(self) -> range:
-        return range(self.first_sample, self.first_sample + self.samples + self.after)
 
 
 def schedule(config: RenderConfig) -> tuple[Round, ...]:
@@ -39,12 +32,6 @@ def schedule(config: RenderConfig) -> tuple[Round, ...]:
     spent = 0
     if config.how.learns:
         count, spp = config.learn_rounds(), config.learn_spp()
-        if config.how.next_event:
-            # Its statistics are of pairs alone: pixels that have gone over to a mixture would add none.
-            count, spp = 1, count * spp
-        if config.learn_stride > 1:
-            pilot = Round(0, spp, learn=True, after=config.spp - spp, following=config.spp, label="round 1/1")
-            return (pilot, Round(0, config.spp, learn=False, pilot=spp))
         for _ in range(count):
             spent += spp
             following = min(spp, config.spp - spent) if len(rounds) + 1 < count else config.spp - spent

@@ -13,7 +13,6 @@ from typing import Any, Protocol
 import warp as wp
 
 from warpmis.kernels.moments import Layout
-from warpmis.learn.allocation import Allocation
 from warpmis.methods import Method
 
 # Runs a kernel over all cells: its first argument is the first cell of a launch, the list holds the others.
@@ -55,8 +54,8 @@ class Solver(Protocol):
     def buffers(self) -> list[wp.array]:
         """What the solver keeps on the device."""
 
-    def step(self, moments: wp.array, allocation: Allocation, launch: Launch) -> None:
-        """Replace each cell's decision by the next one.
+    def step(self, moments: wp.array, shares: wp.array, launch: Launch) -> None:
+        """Replace each cell's shares, shape (cells, S), by the next ones.
 
         moments: shape (cells, K). Sums in float64; or means relative to the brightness, in float32, for the methods
         that pool them (Method.pool_radius).
@@ -76,5 +75,5 @@ class KernelSolver:
     def buffers(self) -> list[wp.array]:
         return []
 
-    def step(self, moments: wp.array, allocation: Allocation, launch: Launch) -> None:
-        launch(self.kernel, [moments, allocation.shares, *self.bounds])
+    def step(self, moments: wp.array, shares: wp.array, launch: Launch) -> None:
+        launch(self.kernel, [moments, shares, *self.bounds])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from warpmis.learn.best_candidate import BestCandidate
 from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
@@ -33,5 +32,4 @@ SOLVERS: dict[str, Callable[[Problem], Solver]] = {
     "newton_seed": newton_seed,
     "newton_simplex": newton_simplex,
     "expectation": expectation,
-    "best_candidate": BestCandidate,
 }

@@ -159,7 +159,7 @@ class Picture:
             self.round = self.run.round
             self.common = farm.submit(cluster_worker.same, integrator.common_of(part))
         if farm.is_local:
-            integrator.compiler.wait(integrator.kernels_of(part))  # once, not in every process
+            integrator.compiler.wait([integrator.target_of(part).kernel])  # once, not in every process
         left = list(self._chunks(integrator.rows_of(part), len(samples)))
         pending: dict[Any, Pending] = {}
         begun = self.run.reporter.tracing_seconds()

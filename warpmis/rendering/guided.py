@@ -1,24 +1,33 @@
-"""A render by the spatial cache: a pilot that decides, rounds that train, and the picture.
+"""A render by the spatial cache: rounds that train, and the picture; where it is to be tried, a pilot before them.
 
-The pilot's samples and those of small training rounds are left out of the picture. All others count alike, and what a
+The samples of the pilot and of small training rounds are left out of the picture. All others count alike, and what a
 round does depends on earlier rounds alone. So every round is unbiased given those before it, and so is their sum.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpmis.cache.gate import PILOT_SAMPLES, THRESHOLD, pilot_stride, relative_variance
-from warpmis.cache.pixel_worth import expected_luminance, pixel_worth, rate_strength
+from warpmis.cache.gate import (
+    FEWEST_SAMPLES,
+    PILOT_SAMPLES,
+    QUIET,
+    Trial,
+    gain,
+    pays,
+    pilot_stride,
+    relative_variance,
+)
+from warpmis.cache.maps import CacheMaps, first_cells, maps_of
+from warpmis.cache.pixel_worth import MOST_VARIANCE, expected_luminance, pixel_worth, rate_strength
 from warpmis.cache.spatial_cache import SpatialCache
-from warpmis.cache.training import Training, training_rounds
+from warpmis.cache.training import training_rounds
 from warpmis.config import RenderConfig
 from warpmis.device.cache_views import CacheView, VertexRecord
 from warpmis.device.compilation import Compiler
@@ -33,9 +42,10 @@ from warpmis.kernels.cache.lookup import make_locate
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.schedule import Round
+from warpmis.rendering.cache_rounds import PICTURE, PILOT, TRAINING, CacheRound, pilot_rounds, training_round
 from warpmis.rendering.integrator import Integrator
-from warpmis.rendering.round_view import round_view
-from warpmis.rendering.tracer import Pass
+from warpmis.rendering.stats import CacheStats
+from warpmis.rendering.tracer import Target
 from warpmis.scene.features import Features
 
 # The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
@@ -43,26 +53,14 @@ PILOT_SEED = 0x51ED270B
 # Most vertices that a round records, at 64 bytes each, and most of one path.
 MOST_RECORDS = 1_000_000
 RECORDED_VERTICES = 8
-CACHE_ARRAYS = ("nodes", "cells", "densities", "pixel_worth", "records")
+CACHE_ARRAYS = ("cells", "densities", "pixel_worth", "records")
+
+PLAIN_STATE = ("strength", "traced_rays", "planned_trials", "first_cells")
 
 
 def guided_kernels(features: Features) -> tuple[wp.Kernel, ...]:
-    """For the pilot and pictures that do not gain; for rounds that train, and their records; and for the picture."""
-    record, guide = (make_trace(features.with_cache(cache)) for cache in ("record", "guide"))
-    return (make_trace(features), record, make_locate(), guide)
-
-
-@dataclass(frozen=True)
-class CacheRound(Round):
-    """A round of the cache. pilot_half: which of the pilot's two, None for others; training: None for those that do
-    not train."""
-
-    pilot_half: int | None = None
-    training: Training | None = None
-
-    @property
-    def stride(self) -> int:
-        return self.training.stride if self.training else 1
+    """For paths by next-event estimation, and by the cache; and for what the cache records."""
+    return (make_trace(features), make_trace(features.with_cache()), make_locate())
 
 
 class GuidedIntegrator(Integrator):
@@ -77,215 +75,218 @@ class GuidedIntegrator(Integrator):
         compiler: Compiler | None = None,
     ) -> None:
         super().__init__(scene, features, config, allocation, compiler)
-        self.plain_kernel, self.record_kernel, self.locate_kernel, self.guide_kernel = guided_kernels(features)
+        self.plain_kernel, self.guide_kernel, self.locate_kernel = guided_kernels(features)
         self.cache = SpatialCache(scene.extent, config.device)
         if compiler is None:
             self.compiler.wait(guided_kernels(features))
-        self.is_guided = False
-        self.strength = 1.0
-        self.pilot_pictures: list[Film] = []
+        self.strength = rate_strength(1.0, MOST_VARIANCE)
+        # What pilot and trials have found, and the film of the first half of the present one.
+        self.halves: list[Film] = []
+        self.pilot: Trial | None = None
+        self.trials: list[Trial] = []
+        self.planned_trials = 0
         self.learned_film: Film | None = None  # of all training rounds that are over, at the picture's size
         self.kept_film: Film | None = None  # of those that the picture holds
-        self.training: tuple[Training, FilmView] | None = None  # the present round
+        self.present: CacheRound | None = None  # the round that has begun last
+        self.own_film: FilmView | None = None  # its samples, where it is not the picture's
         self.records: wp.array | None = None
         self.traced_rays = 0  # by films that are gone
         self.cache_view: CacheView | None = None  # keeps alive what the scene's view points into
-        self.present: CacheRound | None = None  # the round that has begun last
+        self.first_cells: NDArray[np.int32] = np.full((1, 1), -1, np.int32)  # of the pixels that were recorded last
         self.is_filled = False
 
+    # ---- rounds ---------------------------------------------------------------------------------------------------
+
     def rounds(self) -> Iterator[Round]:
-        """The pilot; then a plain render, or training and a guided one."""
-        for half in (0, 1) if self.config.max_depth > 0 else ():
-            first = half * PILOT_SAMPLES
-            yield CacheRound(first, PILOT_SAMPLES, learn=True, label="pilot", is_kept=False, pilot_half=half)
-        trainings = training_rounds(self.pixels, self.config.learn_budget) if self.is_guided else []
-        first_sample, spent = 0, 0.0
+        """Training and the guided picture; where that is to be tried, a pilot before them, and perhaps a plain one."""
+        trainings = training_rounds(self.pixels, self.config.learn_budget) if self.config.max_depth > 0 else []
+        if self.config.how.tries:
+            has_trial = any(training.half == 1 for training in trainings)
+            if not has_trial or self.pixels * self.config.learn_budget < FEWEST_SAMPLES:
+                trainings = []
+            else:
+                yield from pilot_rounds(pilot_stride(self.pixels, self.config.learn_budget))
+                assert self.pilot is not None
+                if self.pilot.variance < QUIET:
+                    trainings = []
+                else:
+                    self.compiler.begin((self.guide_kernel, self.locate_kernel))
+        self.planned_trials = sum(training.half == 1 for training in trainings)
+        dropped = math.ceil(sum(one.samples / one.stride**2 for one in trainings if not one.is_kept))
+        first_sample, spent, kept, tried = 0, 0.0, 0, 0
         for number, training in enumerate(trainings, start=1):
-            yield CacheRound(
-                first_sample,
-                training.samples,
-                learn=True,
-                label=f"round {number}/{len(trainings)}",
-                is_kept=training.is_kept,
-                may_be_left_out=True,
-                training=training,
-            )
+            yield training_round(training, first_sample, f"round {number}/{len(trainings)}")
             first_sample += training.samples
             spent += training.samples / training.stride**2
-        yield CacheRound(first_sample, self.config.spp - math.ceil(spent), learn=False)
+            kept += training.samples * training.is_kept
+            tried += training.half == 1
+            if training.half == 1 and not self._is_guided_by(self.trials[:tried]):
+                break
+        # Once the picture holds samples, how many it will hold must not depend on them: a trial may end training.
+        rest = self.config.spp - dropped - kept if kept else self.config.spp - math.ceil(spent)
+        yield CacheRound(first_sample, rest, learn=False)
 
-    def trace(
-        self, part: Round, advance: Callable[[int], None], piece: range | None = None, samples: range | None = None
-    ) -> None:
-        assert isinstance(part, CacheRound)
-        if part.pilot_half is None:
-            super().trace(part, advance, piece, samples)
-            return
-        whole = range(part.first_sample, part.first_sample + part.samples)
-        self.begin_pass(part, whole)
-        self._trace_pilot(part, whole)
-        self.end_pass()
+    @property
+    def is_guided(self) -> bool:
+        """Whether the picture is, as far as is known."""
+        return self._is_guided_by(self.trials)
 
-    def trace_rows(self, part: Round, piece: range, samples: range, advance: Callable[[int], None]) -> None:
-        assert isinstance(part, CacheRound)
-        view = self._view(part, piece, samples, part.stride)
-        if self.training is not None:
-            self._launch_round(self.record_kernel, self.training[1], view, advance)
-        else:
-            self._launch_round(self.guide_kernel if self.is_guided else self.plain_kernel, self.film, view, advance)
+    def _is_guided_by(self, trials: list[Trial]) -> bool:
+        if not self.config.how.tries:
+            return True
+        return self.pilot is not None and pays(self.pilot, trials, self.planned_trials)
 
     def begin_round(self, part: Round) -> None:
         assert isinstance(part, CacheRound)
         self.present = part
-        if self.is_guided:
+        self.own_film = None if part.kind == PICTURE else self._new_film(self.rows_of(part))
+        if self._is_by_cache(part):
             self._upload_cache(part)
-            if part.training:
-                self.training = part.training, self._new_film(self._cells(part.stride))
 
-    def rows_of(self, part: Round) -> int:
+    def _is_by_cache(self, part: CacheRound) -> bool:
+        return part.kind == TRAINING or (part.kind == PICTURE and self.is_guided)
+
+    def target_of(self, part: Round) -> Target:
         assert isinstance(part, CacheRound)
-        return self._cells(pilot_stride(self.pixels) if part.pilot_half is not None else part.stride)
+        kernel = self.guide_kernel if self._is_by_cache(part) else self.plain_kernel
+        return Target(kernel, self.shares, self.own_film or self.film, self.no_moments)
 
-    def _trace_pilot(self, part: CacheRound, samples: range) -> None:
-        self.settled = False  # half a pilot is begun anew
-        stride = pilot_stride(self.pixels)
-        view = round_view(self.config, part, samples, stride)
-        view.seed = (self.config.seed + PILOT_SEED) % 2**32
-        film = self._new_film(self._cells(stride))
-        self._launch_round(self.plain_kernel, film, view, lambda samples: None)
-        self._count_rays(film)
-        self.pilot_pictures.append(download_film(film, *self._size(stride)))
+    def plain_target(self) -> Target:
+        return Target(self.plain_kernel, self.shares, self.film, self.no_moments)
+
+    def _view(self, part: Round, piece: range, samples: range) -> RoundView:
+        view = super()._view(part, piece, samples)
+        if isinstance(part, CacheRound) and part.kind == PILOT:
+            view.seed = (self.config.seed + PILOT_SEED) % 2**32
+        return view
 
     def fill(self) -> None:
         super().fill()
         self.is_filled = True
 
-    def _trace_first(self, part: Round) -> None:
-        view = self._view(part, range(1), range(1), 1)
-        self._launch_round(self.plain_kernel, self.film, view, lambda samples: None)
-
-    def _launch_round(self, kernel: wp.Kernel, film: FilmView, view: RoundView, advance: Callable[[int], None]) -> None:
-        self.compiler.wait([kernel])
-        all_pixels = wp.empty(0, dtype=wp.uint8, device=self.config.device)
-        passes = [Pass(kernel, all_pixels, 0, self.no_shares, film, self.no_moments)]
-        self._trace(passes, view, np.full(film.color.shape[0], view.end_sample - view.first_sample), advance)
-
-    def _size(self, stride: int) -> tuple[int, int]:
-        return -(-self.width // stride), -(-self.height // stride)
-
-    def _cells(self, stride: int) -> int:
-        width, height = self._size(stride)
-        return width * height
-
-    # ---- learning -----------------------------------------------------------------------------------------------
+    # ---- learning -------------------------------------------------------------------------------------------------
 
     def solve(self, part: Round) -> None:
-        assert isinstance(part, CacheRound)
-        if part.pilot_half == 1:
-            self._decide()
-        elif part.training is not None:
-            self._learn()
+        assert isinstance(part, CacheRound) and self.own_film is not None
+        film = download_film(self.own_film, *self._size(part.stride))
+        cost = self._cost(self.own_film)
+        if part.half is not None:
+            self._compare(part, film, cost)
+        if part.kind == TRAINING:
+            self._learn(part, film, cost)
+            self.learned_film, self.kept_film = self._trained_films()
+        self._count_rays(self.own_film)
+        self.own_film = None
 
-    def _decide(self) -> None:
-        """Whether this picture is guided, and what its rates begin with."""
-        first, second = self.pilot_pictures
-        both = first.merge(second)
-        variance = relative_variance(first.image(), second.image(), expected_luminance(both.color, both.count))
-        self.strength = rate_strength(self.traced_rays / max(int(both.count.sum()), 1), variance)
-        self.is_guided = variance > THRESHOLD
-        if self.is_guided:
-            self.compiler.begin((self.record_kernel, self.locate_kernel, self.guide_kernel))
+    def _compare(self, part: CacheRound, film: Film, cost: float) -> None:
+        """Take in one half of a pilot or a trial."""
+        if part.half == 0:
+            self.halves = [film]
+            return
+        first = self.halves.pop()
+        both = first.merge(film)
+        found = Trial(relative_variance(first.image(), film.image(), expected_luminance(both.color, both.count)), cost)
+        if part.kind == PILOT:
+            self.pilot = found
+        else:
+            self.trials.append(found)
 
-    def _learn(self) -> None:
-        assert self.records is not None and self.training is not None
+    def _learn(self, part: CacheRound, film: Film, cost: float) -> None:
+        assert self.records is not None
         self.compiler.wait([self.locate_kernel])
-        self.cache.learn(self.records, self.launcher.run_over)
+        cell_of = self.cache.learn(self.records, self.launcher.run_over)
+        assert self.cache_view is not None
+        width, height = self._size(self.cache_view.record_stride)
+        self.first_cells = first_cells(cell_of, (height, width, part.samples), self.cache_view.vertices)
         self.records = None
-        training, view = self.training
-        if training.stride == 1 and training.samples > 2:
-            self._update_strength(download_film(view, self.width, self.height), self._cost(view))
-        self._count_rays(view)
-        self.learned_film, self.kept_film = self._trained_films()
-        self.training = None
+        variance = MOST_VARIANCE
+        if part.samples >= PILOT_SAMPLES:
+            relative = film.variance() / np.maximum(squared_scale(film.image()), 1e-30)
+            variance = float(without_outliers(relative).mean())
+        self.strength = rate_strength(cost, variance)
 
     def _trained_films(self) -> tuple[Film | None, Film | None]:
         """Of all training rounds, and of those that the picture holds; the present one with what it has so far."""
-        learned, kept = self.learned_film, self.kept_film
-        if self.training is not None:
-            training, view = self.training
-            film = download_film(view, *self._size(training.stride))
-            film = film.spread_out(training.stride, self.width, self.height)
+        learned, kept, part = self.learned_film, self.kept_film, self.present
+        if self.own_film is not None and part is not None and part.kind == TRAINING:
+            film = download_film(self.own_film, *self._size(part.stride))
+            film = film.spread_out(part.stride, self.width, self.height)
             learned = film if learned is None else learned.merge(film)
-            if training.is_kept:
+            if part.is_kept:
                 kept = film if kept is None else kept.merge(film)
         return learned, kept
 
-    def _update_strength(self, film: Film, cost: float) -> None:
-        relative = film.variance() / np.maximum(squared_scale(film.image()), 1e-30)
-        self.strength = rate_strength(cost, float(without_outliers(relative).mean()))
-
     def _upload_cache(self, part: CacheRound) -> None:
         """The cache as this round's kernels read it, and room for what they record."""
-        worth = np.full(self.pixels, np.float32(1e30))  # before anything is known all paths live
-        if self.learned_film is not None:
-            worth = pixel_worth(expected_luminance(self.learned_film.color, self.learned_film.count), self.strength)
-        view = self.cache.view(worth)
-        if part.training:
+        view = self.cache.view(self._worth())
+        if part.kind == TRAINING:
             stride = part.stride
             vertices = min(self.config.max_depth, RECORDED_VERTICES)
-            while self._cells(stride) * part.samples * vertices > MOST_RECORDS:
+            while self._paths(stride, part.samples) * vertices > MOST_RECORDS:
                 stride += part.stride  # a cell's first pixel is traced
-            count = self._cells(stride) * part.samples * vertices
+            count = self._paths(stride, part.samples) * vertices
             self.records = wp.zeros(count, dtype=VertexRecord, device=self.config.device)
             view.records, view.width, view.record_stride = self.records, self.width, stride
             view.vertices, view.first_sample, view.samples = vertices, part.first_sample, part.samples
         self.cache_view = view
         self.scene.view.cache = wp.array([view], dtype=CacheView, device=self.config.device)
 
+    def _worth(self) -> NDArray[np.float32]:
+        """What radiance is worth in each pixel, shape (pixels,): before anything is known all paths live."""
+        if self.learned_film is None:
+            return np.full(self.pixels, np.float32(1e30))
+        return pixel_worth(expected_luminance(self.learned_film.color, self.learned_film.count), self.strength)
+
+    def _paths(self, stride: int, samples: int) -> int:
+        width, height = self._size(stride)
+        return width * height * samples
+
     # ---- state ----------------------------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Any]:
         return super().state() | {
-            **{name: getattr(self, name) for name in ("is_guided", "strength", "traced_rays")},
-            "pilot": [dict(vars(film)) for film in self.pilot_pictures],
+            **{name: getattr(self, name) for name in PLAIN_STATE},
+            "trials": self._trials(),
+            "halves": [dict(vars(film)) for film in self.halves],
             "films": [film and dict(vars(film)) for film in (self.learned_film, self.kept_film)],
-            "training": self.training and {"round": vars(self.training[0]), "film": snapshot(self.training[1])},
+            "own_film": self.own_film and snapshot(self.own_film),
             "records": None if self.records is None else self.records.numpy().view(np.uint8),
             "cache": self.cache.state(),
         }
 
+    def _trials(self) -> list[dict[str, float] | None]:
+        """The pilot and the trials as plain values."""
+        return [dict(vars(trial)) if trial else None for trial in (self.pilot, *self.trials)]
+
     def resume(self, state: dict[str, Any]) -> None:
         super().resume(state)
-        for name in ("is_guided", "strength", "traced_rays"):
+        for name in PLAIN_STATE:
             setattr(self, name, state[name])
-        self.pilot_pictures = [Film(**film) for film in state["pilot"]]
+        self.pilot, *self.trials = (trial and Trial(**trial) for trial in state["trials"])
+        self.halves = [Film(**film) for film in state["halves"]]
         self.learned_film, self.kept_film = (film and Film(**film) for film in state["films"])
         self.cache.resume(state["cache"])
-        if state["training"] is not None:
-            training = Training(**state["training"]["round"])
-            self.training = training, self._new_film(self._cells(training.stride))
-            restore(self.training[1], state["training"]["film"])
 
-    def sums_of(self, part: Round) -> dict[str, Any]:
-        return {"film": self.film if self.training is None else self.training[1]}
-
-    def decisions_of(self, part: Round) -> dict[str, Any]:
-        return {}
-
-    def kernels_of(self, part: Round) -> list[wp.Kernel]:
-        if self.training is not None:
-            return [self.record_kernel]
-        return [self.guide_kernel if self.is_guided else self.plain_kernel]
+    def resume_round(self, part: Round, state: dict[str, Any]) -> None:
+        """Get ready for the rest of a round."""
+        self.begin_round(part)
+        if self.own_film is not None and state["own_film"] is not None:
+            restore(self.own_film, state["own_film"])
+        if self.records is not None and state["records"] is not None:
+            self.records.assign(state["records"].view(self.records.numpy().dtype).reshape(self.records.shape))
 
     def common_of(self, part: Round) -> dict[str, Any]:
-        films = [film and dict(vars(film)) for film in (self.learned_film, None)]
-        return {"is_guided": self.is_guided, "strength": self.strength, "films": films, "cache": self.cache.state()}
+        film = self.learned_film and dict(vars(self.learned_film))
+        plain = {name: getattr(self, name) for name in PLAIN_STATE}
+        return {**plain, "trials": self._trials(), "film": film, "cache": self.cache.state()}
 
     def adopt(self, part: Round, common: dict[str, Any]) -> None:
-        self.is_guided, self.strength = common["is_guided"], common["strength"]
-        self.learned_film = common["films"][0] and Film(**common["films"][0])
+        for name in PLAIN_STATE:
+            setattr(self, name, common[name])
+        self.pilot, *self.trials = (trial and Trial(**trial) for trial in common["trials"])
+        self.learned_film = common["film"] and Film(**common["film"])
         self.cache.resume(common["cache"])
-        self.training, self.records = None, None
+        self.records = None
         self.begin_round(part)
 
     def records_taken(self) -> tuple[NDArray[Any], ...]:
@@ -306,16 +307,6 @@ class GuidedIntegrator(Integrator):
         if self.launcher.is_cuda:
             self.records.assign(table)
 
-    def resume_round(self, part: Round, state: dict[str, Any]) -> None:
-        """Get ready for the rest of a round."""
-        assert isinstance(part, CacheRound)
-        self.present = part
-        if not self.is_guided:
-            return
-        self._upload_cache(part)
-        if self.records is not None and state["records"] is not None:
-            self.records.assign(state["records"].view(self.records.numpy().dtype).reshape(self.records.shape))
-
     # ---- results ------------------------------------------------------------------------------------------------
 
     def _cost(self, film: FilmView) -> float:
@@ -326,13 +317,39 @@ class GuidedIntegrator(Integrator):
     def _count_rays(self, film: FilmView) -> None:
         self.traced_rays += int(film.rays.numpy().sum() + film.shadow_rays.numpy().sum())
 
-    def next_event_share(self) -> float:
-        return 0.0 if self.is_guided else 1.0
+    @property
+    def strategies(self) -> tuple[str, ...]:
+        return ("bsdf", "guide")
+
+    def allocation_map(self) -> NDArray[np.float32]:
+        """Shares of BSDF and guide at the first vertex, shape (H, W, 2); halves where nothing is guided."""
+        share = np.full((self.height, self.width), 0.5, np.float32)
+        maps = self.cache_maps()
+        if maps is not None:
+            share = np.where(maps.cells >= 0, maps.bsdf_share, share)
+        return np.stack([share, 1.0 - share], axis=-1)
+
+    def cache_maps(self) -> CacheMaps | None:
+        if not self.is_guided:
+            return None
+        return maps_of(self.cache, self.first_cells, (self.height, self.width), self._worth())
+
+    def cache_stats(self) -> CacheStats | None:
+        gains = [] if self.pilot is None else [gain(self.pilot, trial) for trial in self.trials]
+        stats: CacheStats = {"guided": self.is_guided, "gains": gains, "cells": self.cache.cells}
+        if self.pilot is not None:
+            stats["variance"] = self.pilot.variance
+        return stats
+
+    def next_event_map(self) -> NDArray[np.float32]:
+        return np.full((self.height, self.width), 0.0 if self.is_guided else 1.0, np.float32)
 
     def bytes(self) -> dict[str, Any]:
         memory = super().bytes()
         if self.cache_view is not None:
-            memory["picture"] += array_bytes([getattr(self.cache_view, name) for name in CACHE_ARRAYS])
+            memory["picture"] += array_bytes(
+                [self.cache_view.tree, *(getattr(self.cache_view, name) for name in CACHE_ARRAYS)]
+            )
         return memory
 
     def rays(self) -> int:
@@ -352,7 +369,7 @@ class GuidedIntegrator(Integrator):
         colors = [super().color_sums()]
         if self.kept_film is not None:
             colors.append(self.kept_film.color)
-        if self.training is not None and self.training[0].is_kept:
-            colors.append(self.training[1].color.numpy().reshape(self.height, self.width, 3))
+        if self.own_film is not None and self.present is not None and self.present.is_kept:
+            colors.append(self.own_film.color.numpy().reshape(self.height, self.width, 3))
         sums: NDArray[np.float64] = np.sum(colors, axis=0)
         return sums

@@ -14,21 +14,16 @@ from warpmis.learn.learner import Learner
 from warpmis.scene.features import Features
 
 
-def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
-    """For rounds that learn; in the others for pixels with the mixture, and for those with next-event estimation.
-
-    The second is the first where learning takes no statistics. The third is the second where pixels have no choice.
-    """
-    mixture = features.with_strategies(features.strategies)
-    next_event = features.with_strategies(()) if features.learns_from_pairs else mixture
-    return make_trace(features), make_trace(mixture), make_trace(next_event)
+def trace_kernels(features: Features) -> tuple[wp.Kernel, wp.Kernel]:
+    """For rounds that learn, and for the others: the same one where learning takes no statistics."""
+    return make_trace(features), make_trace(features.with_strategies(features.strategies))
 
 
 def learner_of(features: Features, config: RenderConfig, size: tuple[int, int]) -> Learner:
     """size: the picture's width and height [pixel]."""
     stratified = config.strategy_choice == "stratified"
     lattice = config.sampler == "lattice"
-    return Learner(config.how, features.strategies, size, stratified, config.device, config.learn_stride, lattice)
+    return Learner(config.how, features.strategies, size, stratified, config.device, lattice)
 
 
 def identify_of(features: Features, config: RenderConfig) -> list[wp.Kernel]:

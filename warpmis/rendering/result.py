@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from warpmis.film.metrics import estimated_relative_error
 from warpmis.output import cryptomatte
 from warpmis.output.cryptomatte import Coverage
 from warpmis.rendering.stats import RenderStats
+
+if TYPE_CHECKING:
+    from warpmis.cache.maps import CacheMaps
 
 Float32Array = NDArray[np.float32]
 
@@ -43,6 +46,7 @@ class RenderResult:
         strategies: names of the S strategies.
         next_event: share of each pixel's samples that next-event estimation takes in place of the mixture, shape (H, W)
             float32, where the method may do so; such a pixel's `allocation` says nothing. None for other methods.
+        cache: where the picture is guided by the spatial cache, what that has learned, see CacheMaps; else None.
         round_allocations: with keep_maps, the allocation after each learn round, shape (H, W, S) float32 each.
         ids: with ids=True, what the middle of each pixel sees, shape (H, W, 3) int32: the prim's place in `paths`, its
             instance, and its face, curve or point; -1 where there is no surface.
@@ -70,6 +74,7 @@ class RenderResult:
     name: str
     denoised: Float32Array | None = None
     next_event: Float32Array | None = None
+    cache: CacheMaps | None = None
     round_allocations: tuple[Float32Array, ...] = ()
     ids: NDArray[np.int32] | None = None
     paths: tuple[str, ...] = ()
@@ -183,6 +188,8 @@ class RenderResult:
             pictures |= _named(name, picture)
         if self.next_event is not None:
             pictures["nextEvent.Y"] = self.next_event
+        if self.cache is not None:
+            pictures |= self.cache.channels()
         for axis, name in enumerate(self.strategies):
             pictures[f"allocation.{name}"] = self.allocation[..., axis]
         return {name: np.asarray(picture, dtype=np.float32) for name, picture in pictures.items()}

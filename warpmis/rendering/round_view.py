@@ -11,17 +11,15 @@ from warpmis.rendering.generating_vector import lattice_length, lattice_steps
 WATCHED_LATTICE = 16
 
 
-def round_view(config: RenderConfig, part: Round, samples: range, stride: int) -> RoundView:
-    """Of some or all samples of a round. stride: pixels along a side of the cells of which learn rounds trace one."""
+def round_view(config: RenderConfig, part: Round, samples: range) -> RoundView:
+    """Of some or all samples of a round."""
     view = RoundView()
     view.first_sample, view.end_sample = samples.start, samples.stop
     view.seed = config.seed
     view.max_depth = config.max_depth
     view.stratified = config.strategy_choice == "stratified"
     set_lattice(view, *_lattice(config, part, samples))
-    view.by_cells = part.learn
-    view.stride = stride
-    view.pilot_samples = part.pilot
+    view.stride = part.stride
     view.direct_only = part.learn and config.how.direct_only
     return view
 
@@ -40,4 +38,4 @@ def _lattice(config: RenderConfig, part: Round, samples: range) -> tuple[int, in
     """
     if config.stops:
         return samples.start, min(WATCHED_LATTICE, len(samples))
-    return part.sequence.start, lattice_length(len(part.sequence))
+    return part.first_sample, lattice_length(part.samples)

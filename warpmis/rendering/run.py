@@ -98,14 +98,15 @@ class Run:
             samples=film.count,
             variance=final.variance(exposure),
             allocation=integrator.allocation_map(),
-            next_event=integrator.next_event_map().astype(np.float32) if config.uses_next_event else None,
+            next_event=integrator.next_event_map(),
             ids=seen_ids(integrator),
             paths=tuple(prim.path for prim in scene.prims) if shows_prims else (),
             material_paths=tuple(one.path for one in scene.materials) if "materialId" in config.aov else (),
             aovs=aovs | seen_surfaces(integrator, scene),
             cryptomatte=seen_coverage(integrator, scene),
             round_allocations=tuple(self.round_allocations),
-            strategies=config.strategies,
+            strategies=integrator.strategies,
+            cache=integrator.cache_maps(),
             stats=stats,
             name=scene.name,
             settings=self._settings(interrupted),
@@ -129,6 +130,7 @@ class Run:
 
     def _stats(self, film: Film, final: Film) -> RenderStats:
         integrator, reporter = self.integrator, self.reporter
+        next_event = integrator.next_event_map()
         compilation = integrator.compiler.outcome()
         seconds, rays, memory = reporter.phase_seconds(), integrator.rays(), integrator.bytes()
         tracing = seconds["learn"] + seconds["render"]
@@ -138,7 +140,7 @@ class Run:
             "rejected_samples": int(film.rejected.sum()),
             "rays": rays,
             "rays_per_second": rays / tracing if tracing > 0.0 else 0.0,
-            "next_event_pixels": integrator.next_event_share(),
+            "next_event_pixels": 0.0 if next_event is None else float(next_event.mean()),
             "triangles": self.scene.triangle_count,
             "lights": len(self.scene.lights),
             "features": [name for name, on in dataclasses.asdict(self.features).items() if on is True],
@@ -152,6 +154,9 @@ class Run:
         certificate = integrator.certificate(final.variance(), film.image())
         if certificate:
             stats["excess_variance_bound"] = certificate["excess_variance_bound"]
+        cache = integrator.cache_stats()
+        if cache is not None:
+            stats["cache"] = cache
         if reporter.watch is not None:
             stats["stopping"] = reporter.watch.stats()
         return stats

@@ -43,8 +43,6 @@ class RunKernels:
 def kernels_of(features: Features, config: RenderConfig) -> RunKernels:
     """All that a run would launch, whatever the size of its picture.
 
-    Where pixels can leave the mixture most of them do, so that its kernel waits until one has not.
-
     Raises:
         ConfigError: the machine lacks the device.
     """
@@ -52,9 +50,11 @@ def kernels_of(features: Features, config: RenderConfig) -> RunKernels:
     tree, ids = tree_kernels(config.device), camera_kernels(features, config)
     if config.how.cache:
         plain, *guided = guided_kernels(features)
-        return RunKernels((plain, *tree, *ids), tuple(guided))
-    learn, shared, left = trace_kernels(features)
-    return RunKernels((learn, *tree, *learner_of(features, config, (1, 1)).kernels, left, *ids), (shared,))
+        if config.how.tries:
+            return RunKernels((plain, *tree, *ids), tuple(guided))
+        return RunKernels((*guided, *tree, *ids), (plain,))
+    learn, shared = trace_kernels(features)
+    return RunKernels((learn, *tree, *learner_of(features, config, (1, 1)).kernels, shared, *ids), ())
 
 
 def begin_compiling(kernels: Sequence[wp.Kernel], device: str, reporter: Reporter) -> Compiler:

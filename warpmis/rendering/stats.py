@@ -52,6 +52,22 @@ class DenoiseStats(TypedDict):
     noisy_relative_mse: float
 
 
+class CacheStats(TypedDict):
+    """What became of the spatial cache.
+
+    Keys:
+        guided: whether the picture is guided by it.
+        variance: relative variance of a sample by next-event estimation, as the pilot found it; missing without one.
+        gains: of each trial, how many times as efficient a guided picture promised to be.
+        cells: how many the cache has.
+    """
+
+    guided: bool
+    variance: NotRequired[float]
+    gains: list[float]
+    cells: int
+
+
 class DeviceBytes(TypedDict):
     """Device memory [byte]: the scene's by what it is for, and the picture's."""
 
@@ -71,6 +87,7 @@ class RenderStats(TypedDict):
         next_event_pixels: share of the pixels that next-event estimation rendered, from 0 to 1.
         excess_variance_bound: the part of the relative variance that other shares could have saved at most, from 0 to
             1; missing where no samples were shared between strategies.
+        cache: missing from methods without a spatial cache.
         stopping: missing without a target error and a time limit.
         denoise: missing where the picture was not denoised.
         triangles, lights: of the scene, instances included.
@@ -88,6 +105,7 @@ class RenderStats(TypedDict):
     rays_per_second: float
     next_event_pixels: float
     excess_variance_bound: NotRequired[float]
+    cache: NotRequired[CacheStats]
     stopping: NotRequired[StoppingStats]
     denoise: NotRequired[DenoiseStats]
     triangles: int

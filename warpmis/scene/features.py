@@ -42,7 +42,7 @@ class Features:
         indirect: light by way of more than one surface: some surface reflects, and paths are long enough.
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
-        cache: what vertices do with the spatial cache: "" nothing, "guide" by it, or "record" what they find as well.
+        cache: a spatial cache guides paths at every vertex.
         contributions: "summed", or "apart": light is kept apart by the path that it took, for AOVs.
         sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
         tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
@@ -82,7 +82,7 @@ class Features:
     indirect: bool = False
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
-    cache: str = ""
+    cache: bool = False
     contributions: str = "summed"
     sampler: str = "lattice"
     tree: str = "wide"
@@ -102,15 +102,10 @@ class Features:
         """Whether the diffuse lobe's share of what a surface scatters is asked for."""
         return self.light_response or self.keeps_light_apart
 
-    @property
-    def learns_from_pairs(self) -> bool:
-        """Whether next-event estimation tells what a mixture would do (kernels/moments.py)."""
-        return "pair" in self.statistics
-
     @classmethod
     def all(cls, strategies: tuple[str, ...] = ()) -> Features:
         """Every effect on: the universal kernel."""
-        effects = {f.name: True for f in fields(cls) if f.type == "bool"}
+        effects = {f.name: True for f in fields(cls) if f.type == "bool" and f.name != "cache"}
         return cls(strategies=strategies, **effects)  # type: ignore[arg-type]  # mypy takes any field for any key
 
     def with_strategies(self, strategies: tuple[str, ...], statistics: tuple[str, ...] = ()) -> Features:
@@ -119,8 +114,8 @@ class Features:
     def with_sampler(self, sampler: str = "lattice") -> Features:
         return replace(self, sampler=sampler)
 
-    def with_cache(self, cache: str) -> Features:
-        return replace(self, cache=cache)
+    def with_cache(self) -> Features:
+        return replace(self, cache=True)
 
     def with_contributions(self, contributions: str = "summed") -> Features:
         return replace(self, contributions=contributions)

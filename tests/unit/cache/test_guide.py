@@ -9,7 +9,8 @@ from stats import chi_square
 
 from warpmis.cache.cells import CellTree
 from warpmis.cache.directions import normalised, pyramid
-from warpmis.device.cache_views import GUIDE_BINS, CellNodeView, VertexRecord
+from warpmis.cache.spatial_cache import SpatialCache
+from warpmis.device.cache_views import GUIDE_BINS, VertexRecord
 from warpmis.kernels.cache.guide import from_square, guide_frame, pdf_guide, sample_guide, to_square
 from warpmis.kernels.cache.lookup import make_locate
 
@@ -107,9 +108,9 @@ def test_device_finds_the_cell_that_the_host_finds() -> None:
     places[:, 3:] /= np.linalg.norm(places[:, 3:], axis=1, keepdims=True)
     places = places.astype(np.float32).astype(np.float64)
     tree = CellTree(extent=2.0)
-    tree.refine(places, tree.find(places))
-    nodes = np.zeros(len(tree.axis), CellNodeView.numpy_dtype())
-    nodes["axis"], nodes["child"], nodes["split"] = tree.axis, tree.child, tree.split
+    tree.refine(places, tree.find(places), stands_for=10.0)
+    cache = SpatialCache(2.0, "cpu")
+    cache.tree = tree
     records = np.zeros(len(places), VertexRecord.numpy_dtype())
     records["x"], records["n"] = places[:, :3], places[:, 3:]
     square = rng.uniform(0.0, 1.0, (len(places), 2)).astype(np.float32)
@@ -117,10 +118,10 @@ def test_device_finds_the_cell_that_the_host_finds() -> None:
     records["used"] = np.arange(len(places)) % 10 != 0
     cells, bins = (wp.zeros(len(places), dtype=int, device="cpu") for _ in range(2))
     on_device = wp.array(records, dtype=VertexRecord, device="cpu")
-    inputs = [0, on_device, wp.array(nodes, dtype=CellNodeView, device="cpu"), cells, bins]
+    inputs = [0, on_device, cache.tree_view(), cells, bins]
     wp.launch(make_locate(), dim=len(places), inputs=inputs, device="cpu")
     expected = np.where(records["used"] != 0, tree.find(places), -1)
-    assert tree.cells > 8
+    assert tree.cells > 64
     np.testing.assert_array_equal(cells.numpy(), expected)
     used = records["used"] != 0
     np.testing.assert_array_equal(bins.numpy()[used], expected[used] * BINS + bins_of(square)[used])

@@ -100,24 +100,23 @@ def factories() -> Iterator[tuple[str, Callable[..., wp.Kernel]]]:
                 yield node.name, getattr(importlib.import_module(module), node.name)
 
 
-PAIRS = Layout(2, METHODS["auto"].statistics)
+TWO = Layout(2, METHODS["pooled"].statistics)
 THREE, FOUR = (Layout(count, METHODS["cost-aware"].statistics) for count in (3, 4))
 
 # Arguments that differ as little as they can.
 DIFFERING: dict[str, list[tuple[Any, ...]]] = {
     "make_trace": [
         *((Features().with_strategies(("bsdf", name)),) for name in ("light", "uniform", "cosine", "specular")),
-        *((Features().with_cache(cache),) for cache in ("record", "guide")),
+        (Features().with_cache(),),
         (Features().with_contributions("apart"),),
     ],
     "make_locate": [()],
     "make_coverage": [(Features(),), (Features(opacity=True),)],
     "make_locate_surface": [(Features(),), (Features(opacity=True),)],
     "make_identify": [(Features(),), (Features(opacity=True),)],
-    "make_relative": [(THREE,), (FOUR,), (PAIRS,)],
-    "make_row_sums": [(THREE,), (FOUR,), (PAIRS,)],
-    "make_pool": [(THREE,), (FOUR,), (PAIRS,)],
-    "make_candidates": [(PAIRS, True, True), (PAIRS, True, False), (PAIRS, False, False)],
+    "make_relative": [(THREE,), (FOUR,), (TWO,)],
+    "make_row_sums": [(THREE,), (FOUR,), (TWO,)],
+    "make_pool": [(THREE,), (FOUR,), (TWO,)],
     "make_expectation": [(Layout(count, ("posterior",)),) for count in (2, 3)],
     "make_newton_seed": [(Layout(2),), (Layout(3),)],
     "make_newton_share": [(Layout(2),), (Layout(2, ("mean",)),)],

@@ -12,7 +12,6 @@ from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
 from warpmis.kernels.identify import make_identify
 from warpmis.kernels.moments import Layout
 from warpmis.kernels.trace import make_trace
-from warpmis.learn.candidates import make_candidates
 from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
@@ -30,24 +29,24 @@ MOST = replace(
     **dict.fromkeys(("sphere_light", "delta_light", "mesh_light", "light_tree", "dome_picture", "opacity"), True),
     **dict.fromkeys(("transmission", "absorption", "instances", "textures", "shading_normals", "shaping"), True),
 )
-AUTO = Layout(2, METHODS["auto"].statistics)
+POOLED = Layout(2, METHODS["pooled"].statistics)
+COST_AWARE = METHODS["cost-aware"].statistics
 KERNELS = {
     "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
     "trace, every effect, next-event estimation": lambda: make_trace(EVERY),
     "trace, no effect": lambda: make_trace(Features().with_tree("warp")),
     "trace, few effects, every strategy": lambda: make_trace(FEW.with_strategies(STRATEGIES)),
-    "trace, few effects, auto": lambda: make_trace(FEW.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "trace, few effects, cost-aware": lambda: make_trace(FEW.with_strategies(DEFAULT_STRATEGIES, COST_AWARE)),
     "trace, most effects, next-event estimation": lambda: make_trace(MOST),
-    "trace, every effect, auto": lambda: make_trace(EVERY.with_strategies(DEFAULT_STRATEGIES, AUTO.statistics)),
+    "trace, every effect, guided": lambda: make_trace(EVERY.with_cache()),
     "identify, every effect": lambda: make_identify(EVERY),
     "newton_share": lambda: make_newton_share(Layout(2)),
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
-    "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, METHODS["cost-aware"].statistics)),
+    "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, COST_AWARE)),
     "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
-    "candidates, pairs": lambda: make_candidates(AUTO, stratified=True),
-    "relative": lambda: make_relative(AUTO),
-    "row sums": lambda: make_row_sums(AUTO),
-    "pool": lambda: make_pool(AUTO),
+    "relative": lambda: make_relative(POOLED),
+    "row sums": lambda: make_row_sums(POOLED),
+    "pool": lambda: make_pool(POOLED),
     "whole samples, eight strategies": lambda: make_whole_samples(8),
 }
 # Over a minute each, of parts nearly all of which shorter ones compile.

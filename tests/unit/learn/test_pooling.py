@@ -13,7 +13,6 @@ from warpmis.device.film_buffers import allocate_film
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
 from warpmis.learn import neighbours
-from warpmis.learn.allocation import Allocation
 from warpmis.learn.learner import Learner
 from warpmis.learn.pooling import ALBEDO_SPREAD, DEPTH_SPREAD, FLOOR, LEAST_SIMILARITY, NORMAL_SPREAD, PRIOR
 from warpmis.methods import METHODS
@@ -46,12 +45,12 @@ def pooled(moments: np.ndarray, film: FilmView, radius: int = 4) -> np.ndarray:
     method = replace(METHODS["pooled"], pool_radius=radius)
     learner = Learner(method, ("bsdf", "light"), (WIDTH, HEIGHT), True, "cpu")
     learner.moments.assign(moments)
-    allocation = Allocation.of(np.full((PIXELS, 2), 0.5, np.float32), False, "cpu")
+    shares = wp.array(np.full((PIXELS, 2), 0.5, np.float32), dtype=wp.vec2, device="cpu")
 
     def launch(kernel: wp.Kernel, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=PIXELS, inputs=[0, *inputs], device="cpu")
 
-    learner.step(allocation, film, launch)
+    learner.step(shares, film, launch)
     return learner.neighbours.pooled.numpy()
 
 

@@ -10,7 +10,6 @@ import warp as wp
 from toys import random_moments, sums
 
 from warpmis.kernels.moments import Layout
-from warpmis.learn.allocation import Allocation
 from warpmis.learn.solver import Problem, Solver
 from warpmis.learn.solvers import SOLVERS
 from warpmis.methods import METHODS
@@ -34,8 +33,8 @@ def step_of(solver: Solver, problem: Problem) -> tuple[np.ndarray, set[wp.Kernel
     known = np.random.default_rng(7).uniform(0.5, 1.5, (CELLS, layout.size))
     known[:, : count + count * (count + 1) // 2] = sums(F2, q)
     known[-1] = 0.0
-    shares = np.full((CELLS, count), 1.0 / count, np.float32)
-    allocation = Allocation.of(shares, problem.method.next_event, "cpu")
+    vec_s = wp.types.vector(length=count, dtype=wp.float32)
+    shares = wp.array(np.full((CELLS, count), 1.0 / count, np.float32), dtype=vec_s, device="cpu")
     launched = set()
 
     def launch(kernel: wp.Kernel, inputs: list[Any]) -> None:
@@ -43,8 +42,8 @@ def step_of(solver: Solver, problem: Problem) -> tuple[np.ndarray, set[wp.Kernel
         for first in (0, 4):  # in two parts, as from two threads
             wp.launch(kernel, dim=min(4, CELLS - first), inputs=[first, *inputs], device="cpu")
 
-    solver.step(wp.array(known, dtype=dtype, device="cpu"), allocation, launch)
-    return allocation.shares.numpy(), launched
+    solver.step(wp.array(known, dtype=dtype, device="cpu"), shares, launch)
+    return shares.numpy(), launched
 
 
 @pytest.mark.parametrize("name", LEARNING)

@@ -12,7 +12,6 @@ import scenes
 
 import warpmis
 from warpmis.methods import METHODS
-from warpmis.rendering import guided
 from warpmis.scene import Material, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
 
@@ -64,7 +63,6 @@ QUICK = ("nee", "balance", "murray20", "auto", "guided")
     "method", [pytest.param(method, marks=[pytest.mark.slow] * (method not in QUICK)) for method in METHODS]
 )
 def test_aovs_add_up_and_change_nothing(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guided, "THRESHOLD", 0.0)
     settings = {"allocation": (0.3, 0.7)} if method == "fixed" else {}
     plain = render(method=method, **settings)
     result = render(method=method, aov=ASKED, **settings)

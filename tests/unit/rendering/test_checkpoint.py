@@ -15,7 +15,7 @@ import scenes
 import warpmis
 from warpmis.cache import training
 from warpmis.output import bundle
-from warpmis.rendering import checkpoint, guided, run
+from warpmis.rendering import checkpoint, run
 from warpmis.rendering.fingerprint import scene_fingerprint
 
 SIZE = 16
@@ -40,7 +40,6 @@ def many_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("warpmis.rendering.reporter.REPORT_SECONDS", 0.0)
     monkeypatch.setattr("warpmis.rendering.launches.CPU_LAUNCH", 1 << 10)
     monkeypatch.setattr(training, "FIRST_PATHS", 1024)
-    monkeypatch.setattr(guided, "THRESHOLD", 0.0)
 
 
 def resumed(render: Callable[..., warpmis.RenderResult], file: Path, seed: int = 0) -> tuple[warpmis.RenderResult, int]:
@@ -238,16 +237,6 @@ def test_fingerprints_tell_scenes_apart() -> None:
     assert scene_fingerprint(scenes.room(8)) == scene_fingerprint(scenes.room(8))
     others = [scenes.room(9), scenes.open_room(8), scenes.hidden_light(8)]
     assert len({scene_fingerprint(one) for one in (scenes.room(8), *others)}) == 4
-
-
-def test_interrupted_in_the_pilot_every_pixel_has_a_sample() -> None:
-    """Where one pixel of four has taken the pilot's samples, the others get one."""
-    with pytest.raises(warpmis.Interrupted) as stop:
-        warpmis.render(scenes.room(SIZE), method="auto", max_depth=3, spp=64, progress=Impatient(1), threads=1)
-    result = stop.value.result
-    assert (result.samples > 0).all() and (result.samples == 1).any() and result.samples.max() <= 8
-    assert (result.image.sum(axis=-1) > 0.0).mean() > 0.9
-    assert "interrupted" in result.settings
 
 
 def test_a_preview_has_the_whole_picture_and_ends_with_the_result() -> None:

@@ -20,19 +20,8 @@ from warpmis.scene.geometry import Prototype
 from warpmis.scene.texture import PrimvarLookup
 
 FILM = 132
-SUMS = 29 * 8
-# Bytes of a pixel: films, shares, moments; by `auto` the plain moments of the last round. Where moments are pooled they
-# are there twice more in float32, with their weights, the guide to the neighbours, variance and cost.
-PER_PIXEL = {
-    "nee": FILM,
-    "balance": FILM + 2 * 4 + 5 * 8,
-    "murray20": 2 * FILM + 2 * 4 + 5 * 8,
-    "auto": FILM + 2 * 4 + 1 + 5 * 8,
-}
-# Of a cell of 2 x 2 pixels where learning looks at one in four: its film, shares, estimator, and moments. And of a row:
-# the sum and count of its cells.
-PER_CELL = {"auto": FILM + 2 * 4 + 1 + 2 * SUMS + 2 * 4 + 32 + 8}
-PER_ROW = {"auto": SUMS // 2 + 4}
+# Bytes of a pixel: films, shares, moments.
+PER_PIXEL = {"nee": FILM, "balance": FILM + 2 * 4 + 5 * 8, "murray20": 2 * FILM + 2 * 4 + 5 * 8}
 
 
 def picture_bytes(method: str, pixels: int) -> int:
@@ -48,8 +37,7 @@ def picture_bytes(method: str, pixels: int) -> int:
 @pytest.mark.parametrize("method", PER_PIXEL)
 def test_bytes_per_pixel(method: str) -> None:
     grown = picture_bytes(method, 24) - picture_bytes(method, 16)
-    of_cells = (12**2 - 8**2) * PER_CELL.get(method, 0) + (12 - 8) * PER_ROW.get(method, 0)
-    assert grown == (24**2 - 16**2) * PER_PIXEL[method] + of_cells
+    assert grown == (24**2 - 16**2) * PER_PIXEL[method]
 
 
 def grid(cells: int) -> warpmis.Scene:

@@ -11,7 +11,6 @@ import scenes
 import warpmis
 from warpmis.device.film_buffers import download_film
 from warpmis.device.upload import upload
-from warpmis.learn.allocation import MIXTURE, NEXT_EVENT
 from warpmis.learn.schedule import Round
 from warpmis.methods import METHODS
 from warpmis.rendering import integrator, launches
@@ -142,30 +141,6 @@ def test_allocation_map_is_used_per_pixel() -> None:
     assert np.array_equal(mapped.image[:8], plain.image[:8])
     assert not np.array_equal(mapped.image[8:], plain.image[8:])
     assert mapped.allocation == pytest.approx(shares, abs=1e-6)
-
-
-@pytest.mark.parametrize("in_turn", [False, True])
-def test_each_pixel_goes_through_its_own_estimator_s_kernel(in_turn: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a round of `auto` whose pixels have left the mixture here and there: bit for bit what the others render.
-
-    In turn, while a kernel is being compiled: the progress ends at the samples of all pixels, too.
-    """
-    scene = scenes.room(12)
-    by_next_event = np.random.default_rng(5).random((12, 12)) < 0.4
-    config = warpmis.RenderConfig(method="auto", spp=8)
-    features = detect(scene).with_strategies(config.strategies, config.how.statistics)
-    run = integrator.Integrator(upload(scene, "cpu"), features, config, np.full((144, 2), 0.5, np.float32))
-    run.allocation.estimators.assign(np.where(by_next_event, NEXT_EVENT, MIXTURE).astype(np.uint8).reshape(-1))
-    passes, trace = [], run._trace
-    monkeypatch.setattr(run, "_trace", lambda given, *rest: (passes.append(len(given)), trace(given, *rest)))
-    monkeypatch.setattr(run.compiler, "compiles", lambda kernel: in_turn)
-    advances: list[int] = []
-    run.trace(Round(0, 8, learn=False), advances.append)
-    assert (passes, sum(advances)) == ([1, 1] if in_turn else [2], 12 * 12 * 8)
-    image = download_film(run.film, 12, 12).image()
-    next_event, shared = (warpmis.render(scene, method=method, spp=8).image for method in ("nee", "balance"))
-    assert (next_event != shared).any(axis=-1).mean() > 0.5
-    np.testing.assert_array_equal(image, np.where(by_next_event[..., None], next_event, shared))
 
 
 def test_device_that_is_not_there_is_named() -> None:

@@ -6,7 +6,6 @@ from warpmis.kernels.path.contributions import make_contributions, scattering_ty
 from warpmis.kernels.path.guided import make_guided, make_guided_estimate
 from warpmis.kernels.path.mixture import make_densities, make_estimate, make_mixture
 from warpmis.kernels.path.next_event import NoEstimate, make_next_event
-from warpmis.kernels.path.pairs import make_pairs
 from warpmis.kernels.path.record import NoRecord, Record, make_record, no_record
 from warpmis.kernels.path.state import make_state
 from warpmis.kernels.path.throughput import make_roulette
@@ -20,15 +19,14 @@ def make_estimator(
 ) -> SimpleNamespace:
     """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, `strategies`.
 
-    By the spatial cache where there is one. Else next-event estimation without strategies, and with them their mixture,
-    or pairs where that is what learning asks for.
+    By the spatial cache where there is one. Else next-event estimation without strategies, and with them their mixture.
     """
     strategies = make_strategies(features, surface, lights)
     Scattering = scattering_type(features)
     if features.cache:
         PathState = make_state(make_guided_estimate(), NoRecord, Scattering)
         contributions = make_contributions(features, PathState)
-        record = make_vertex_records(features, PathState)
+        record = make_vertex_records(PathState)
         estimator = make_guided(PathState, strategies.vec_s, surface, direct_light, record, contributions)
         estimator.record = record
     elif not features.strategies:
@@ -42,11 +40,8 @@ def make_estimator(
         record = make_record(PathState)
         densities = make_densities(features, PathState, strategies, lights)
         next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
-        if features.learns_from_pairs:
-            estimator = make_pairs(PathState, strategies, densities, next_event, record)
-        else:
-            # Of paths that end behind the mixture's vertex none comes to a vertex without one.
-            estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
+        # Of paths that end behind the mixture's vertex none comes to a vertex without one.
+        estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
         estimator.record = record
     if not features.cache:
         estimator.survives = make_roulette(features, PathState, estimator.record).survives

@@ -119,7 +119,7 @@ def make_guided(
 
     @wp.func
     def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
-        cell = cell_of(scene.cache[0].nodes, path.origin, vertex.frame.n)
+        cell = cell_of(scene.cache[0].tree, path.origin, vertex.frame.n)
         learned = scene.cache[0].cells[cell]
         worth = luminance(path.beta) * path.estimate.pixel_worth
         path.estimate.bsdf_share = learned.bsdf_share

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import SceneView
-from warpmis.kernels.direct_light import DirectLight
 from warpmis.kernels.roulette import MAX_SURVIVAL
 
 wp.set_module_options({"enable_backward": False})
@@ -25,26 +24,15 @@ class Record:
     """In the words of kernels/moments.py:
 
     F: the estimate of the light by way of the first vertex, throughput up to it included; L_before: all other light.
-    direct: the part of F that came straight from the lights, met by the ray from the first vertex; F_late: the part
-    that was found after the first Russian roulette by throughput: those before it end paths at a constant rate.
-    throughput: of the last roulette, as if there had been none before, 1 without any; survival: probability that the
-    path lived through all of them.
-    light, light_share, light_rays: of next-event estimation at the first vertex: the part of F from its light sample,
-    p_bsdf / (p_bsdf + p_light) of that sample's direction, and its shadow rays.
+    direct: the part of F that came straight from the lights, met by the ray from the first vertex.
+    had_roulette: whether there was a Russian roulette by throughput; those before it end paths at a constant rate.
     early_rays, early_shadow_rays: all that were traced before that roulette; 0 without a first vertex.
-    first_bounce: PathState.bounces at the first vertex; had_roulette: whether there was one.
+    first_bounce: PathState.bounces at the first vertex.
     """
 
     F: wp.vec3
     L_before: wp.vec3
     direct: wp.vec3
-    F_early: wp.vec3
-    F_late: wp.vec3
-    throughput: float
-    survival: float
-    light: wp.vec3
-    light_share: float
-    light_rays: int
     early_rays: int
     early_shadow_rays: int
     first_bounce: int
@@ -74,22 +62,14 @@ def no_record(PathState: type) -> SimpleNamespace:
 
 
 def make_record(PathState: type) -> SimpleNamespace:
-    """begin: at the first vertex, after its delta lights and before all other light samples; light_sample: after that;
+    """begin: at the first vertex, after its delta lights and before all other light samples;
     emission: of light that a ray has met; roulette: before each Russian roulette; end: of the path."""
 
     @wp.func
     def begin(path: wp.ref[PathState]):
         path.record.first_bounce = path.bounces
         path.record.L_before = path.L
-        path.record.throughput = 1.0
-        path.record.survival = 1.0
         path.L = wp.vec3(0.0, 0.0, 0.0)
-
-    @wp.func
-    def light_sample(path: wp.ref[PathState], sample: wp.ref[DirectLight]):
-        path.record.light = path.L
-        path.record.light_share = sample.bsdf_share
-        path.record.light_rays = sample.rays
 
     @wp.func
     def emission(path: wp.ref[PathState], radiance: wp.vec3):
@@ -101,21 +81,16 @@ def make_record(PathState: type) -> SimpleNamespace:
         """survival: the probability that this roulette lets the path live."""
         if not path.record.had_roulette and survival < MAX_SURVIVAL:
             path.record.had_roulette = True
-            path.record.F_early = path.L
             path.record.early_rays = path.rays
             path.record.early_shadow_rays = path.shadow_rays
-        path.record.throughput = wp.max(path.beta) * path.record.survival
-        path.record.survival = path.record.survival * survival
 
     @wp.func
     def end(scene: SceneView, path: wp.ref[PathState]):
         if path.has_scattered:
             path.record.F = path.L
             path.L = path.record.L_before + path.L
-            if path.record.had_roulette:
-                path.record.F_late = path.record.F - path.record.F_early
-            else:
+            if not path.record.had_roulette:
                 path.record.early_rays = path.rays
                 path.record.early_shadow_rays = path.shadow_rays
 
-    return SimpleNamespace(begin=begin, light_sample=light_sample, emission=emission, roulette=roulette, end=end)
+    return SimpleNamespace(begin=begin, emission=emission, roulette=roulette, end=end)

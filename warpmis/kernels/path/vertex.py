@@ -35,7 +35,7 @@ def make_vertex(
         vertex.u_bsdf = sampler.of_step(key, step, rng.SCATTER)
         if wp.static(features.delta_light):
             vertex.u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)[0]
-        if wp.static(features.cache != ""):
+        if wp.static(features.cache):
             u_rates = rng.uniform4_of_step(key, step, rng.EVENT)
             vertex.u_cache = wp.vec3(rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)[1], u_rates[3], u_rates[1])
         if not path.has_scattered:

@@ -16,21 +16,19 @@ from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance
 from warpmis.kernels.warps import INV_PI
-from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
 
 NO_RECORD = wp.constant(-1)
 
 
-def make_vertex_records(features: Features, PathState: type) -> SimpleNamespace:
+def make_vertex_records(PathState: type) -> SimpleNamespace:
     """Functions: begin_path; vertex, direction: at a vertex, before and after its densities are known; end."""
-    is_on = features.cache == "record"
 
     @wp.func
     def begin_path(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey):
         path.estimate.first_record = NO_RECORD
-        if wp.static(is_on):
+        if scene.cache[0].records.shape[0] > 0:
             x = int(key.pixel) % scene.cache[0].width
             y = int(key.pixel) / scene.cache[0].width
             stride = scene.cache[0].record_stride
@@ -46,50 +44,47 @@ def make_vertex_records(features: Features, PathState: type) -> SimpleNamespace:
     @wp.func
     def vertex(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], light_sample: float):
         """The vertex with its direction; light_sample: luminance of what its light sample brought, over the rate."""
-        if wp.static(is_on):
-            path.estimate.is_recorded = (
-                path.estimate.first_record != NO_RECORD and path.estimate.recorded < scene.cache[0].vertices
-            )
-            if path.estimate.is_recorded:
-                record = VertexRecord()
-                record.used = 1
-                record.x = path.origin
-                record.n = vertex.frame.n
-                record.u = path.estimate.place[0]
-                record.v = path.estimate.place[1]
-                record.light = light_sample * light_sample * path.estimate.light_rate
-                scene.cache[0].records[path.estimate.first_record + path.estimate.recorded] = record
-                path.estimate.recorded += 1
+        path.estimate.is_recorded = (
+            path.estimate.first_record != NO_RECORD and path.estimate.recorded < scene.cache[0].vertices
+        )
+        if path.estimate.is_recorded:
+            record = VertexRecord()
+            record.used = 1
+            record.x = path.origin
+            record.n = vertex.frame.n
+            record.u = path.estimate.place[0]
+            record.v = path.estimate.place[1]
+            record.light = light_sample * light_sample * path.estimate.light_rate
+            scene.cache[0].records[path.estimate.first_record + path.estimate.recorded] = record
+            path.estimate.recorded += 1
 
     @wp.func
     def direction(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
         """That the direction scatters light, and with which density; before the roulette."""
-        if wp.static(is_on):
-            if path.estimate.is_recorded:
-                at = path.estimate.first_record + path.estimate.recorded - 1
-                record = scene.cache[0].records[at]
-                record.jacobian = wp.dot(path.wi, vertex.frame.n) * INV_PI / path.pdf
-                record.bsdf_ratio = scattering.pdf_solid_angle / path.pdf
-                record.tail = luminance(scattering.f_cos) / path.pdf
-                record.throughput = luminance(path.beta)
-                record.radiance = luminance(path.L)
-                record.cost = cost_so_far(path)
-                scene.cache[0].records[at] = record
+        if path.estimate.is_recorded:
+            at = path.estimate.first_record + path.estimate.recorded - 1
+            record = scene.cache[0].records[at]
+            record.jacobian = wp.dot(path.wi, vertex.frame.n) * INV_PI / path.pdf
+            record.bsdf_ratio = scattering.pdf_solid_angle / path.pdf
+            record.tail = luminance(scattering.f_cos) / path.pdf
+            record.throughput = luminance(path.beta)
+            record.radiance = luminance(path.L)
+            record.cost = cost_so_far(path)
+            scene.cache[0].records[at] = record
 
     @wp.func
     def end(scene: SceneView, path: wp.ref[PathState]):
         """What came by way of each vertex."""
-        if wp.static(is_on):
-            for i in range(path.estimate.recorded):
-                at = path.estimate.first_record + i
-                record = scene.cache[0].records[at]
-                if record.throughput > 0.0:
-                    radiance = wp.max(luminance(path.L) - record.radiance, 0.0) / record.throughput
-                    tail = record.tail * radiance
-                    record.radiance = radiance
-                    record.tail = tail * tail
-                    record.cost = cost_so_far(path) - record.cost
-                    scene.cache[0].records[at] = record
+        for i in range(path.estimate.recorded):
+            at = path.estimate.first_record + i
+            record = scene.cache[0].records[at]
+            if record.throughput > 0.0:
+                radiance = wp.max(luminance(path.L) - record.radiance, 0.0) / record.throughput
+                tail = record.tail * radiance
+                record.radiance = radiance
+                record.tail = tail * tail
+                record.cost = cost_so_far(path) - record.cost
+                scene.cache[0].records[at] = record
 
     @wp.func
     def emission(path: wp.ref[PathState], radiance: wp.vec3):
