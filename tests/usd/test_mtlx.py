@@ -173,9 +173,10 @@ def test_a_variant_that_the_caller_selects(tmp_path: Path) -> None:
 def test_instances_of_an_asset_stay_instances(tmp_path: Path) -> None:
     document(tmp_path / "look.mtlx")
     asset = stage(tmp_path).read_text().replace('def Mesh "Q"', 'def Xform "Asset"\n{\ndef Mesh "Q"', 1) + "}\n"
+    asset = asset.replace("#usda 1.0", '#usda 1.0\n( defaultPrim = "Asset" )')
     (tmp_path / "asset.usda").write_text(asset.replace("</Looks", "</Asset/Looks"))
     one = """def Xform "{name}" ( instanceable = true
-    references = @asset.usda@</Asset> )
+    references = @asset.usda@ )
 {{
     double3 xformOp:translate = ({x}, 0, 0)
     uniform token[] xformOpOrder = ["xformOp:translate"]

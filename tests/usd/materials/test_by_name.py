@@ -234,6 +234,30 @@ def test_pxr_texture_channels_linearize_and_invert(tmp_path) -> None:
         np.testing.assert_allclose(seen_at(scene, [(0.5, 0.5)])["diffuse"], 1.0 - expected, atol=0.003)
 
 
+def test_pxr_texture_from_the_top_down(tmp_path) -> None:
+    file = write(tmp_path / "c.exr", np.array([[0.2, 0.4], [0.6, 0.8]])[..., None].repeat(3, axis=-1))
+    nodes = node("T", "PxrTexture", f"asset inputs:filename = @{file}@\nint inputs:invertT = 0", out="resultRGB")
+    scene = square("PxrSurface", "color3f inputs:diffuseColor.connect = </M/T.outputs:resultRGB>", nodes, context="ri")
+    found = seen_at(scene, [(0.25, 0.25), (0.75, 0.75)])["diffuse"][:, 0]
+    np.testing.assert_allclose(found, [0.2, 0.8], atol=1e-5)
+
+
+def test_arnold_images_are_moved_flipped_and_swapped(tmp_path) -> None:
+    file = write(tmp_path / "c.exr", np.array([[0.2, 0.4], [0.6, 0.8]])[..., None].repeat(3, axis=-1))
+    connected = "color3f inputs:base_color.connect = </M/C.outputs:out>\nfloat inputs:base = 1"
+    for inputs, expected in (
+        ("", 0.6),
+        ("float inputs:soffset = 0.5", 0.8),
+        ("float inputs:toffset = 0.5", 0.2),
+        ("bool inputs:sflip = 1", 0.8),
+        ("bool inputs:tflip = 1", 0.2),
+        ("bool inputs:swap_st = 1\nbool inputs:sflip = 1", 0.8),
+    ):
+        nodes = node("C", "arnold:image", f"asset inputs:filename = @{file}@\n{inputs}")
+        scene = square("arnold:standard_surface", connected, nodes, context="arnold")
+        np.testing.assert_allclose(seen_at(scene, [(0.25, 0.25)])["diffuse"], expected, atol=1e-5, err_msg=inputs)
+
+
 def test_arnold_image_and_normal_map(tmp_path) -> None:
     texels = np.array([[0.2, 0.4], [0.6, 0.8]])[..., None].repeat(3, axis=-1)
     tilt = np.array([np.sin(0.3), 0.0, np.cos(0.3)])

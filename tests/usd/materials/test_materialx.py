@@ -172,3 +172,67 @@ def test_emission_of_weight_0_is_none_whatever_its_color(tmp_path):
         "ND_open_pbr_surface_surfaceshader", inputs + "\nfloat inputs:emission_luminance = 8", image("C", file)
     )
     np.testing.assert_allclose(seen_at(glowing, [(0.5, 0.5)])["emission"], 2.0, rtol=1e-6)
+
+
+def test_a_coat_has_its_own_index_of_refraction():
+    """Beside the dielectric's reflectance, which its own index or weight sets."""
+    for inputs, below, coat in (
+        ("float inputs:specular_IOR = 1.25", (0.25 / 2.25) ** 2, 0.04),
+        ("float inputs:specular = 0.5", 0.02, 0.04),
+        ("float inputs:coat_IOR = 1.25", 0.04, (0.25 / 2.25) ** 2),
+        ("float inputs:specular = 0", 0.0, 0.04),
+    ):
+        scene = stage("ND_standard_surface_surfaceshader", f"float inputs:coat = 1\n{inputs}")
+        assert scene.warnings == ()
+        seen = seen_at(scene, [(0.5, 0.5)])
+        np.testing.assert_allclose(seen["specular_f0"], below, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(seen["coat_f0"], coat, rtol=1e-5)
+        np.testing.assert_allclose(seen["diffuse"], 0.8, rtol=1e-5)
+
+
+def test_a_coats_color_tints_all_below_it():
+    scene = stage(
+        "ND_standard_surface_surfaceshader",
+        """float inputs:coat = 0.5
+        color3f inputs:coat_color = (1, 0.5, 0)
+        float inputs:emission = 2
+        float inputs:metalness = 0.25""",
+    )
+    assert scene.warnings == ()
+    seen, tint = seen_at(scene, [(0.5, 0.5)]), np.array([1.0, 0.75, 0.5])
+    np.testing.assert_allclose(seen["diffuse"][0], 0.75 * 0.8 * tint, rtol=1e-5)
+    np.testing.assert_allclose(seen["specular_f0"][0], (0.75 * 0.04 + 0.25 * 0.8) * tint, rtol=1e-5)
+    np.testing.assert_allclose(seen["emission"][0], 2 * tint, rtol=1e-5)
+
+
+def test_subsurface_is_diffuse_with_a_warning():
+    inputs = """float inputs:base = 0.5
+        color3f inputs:base_color = (0.5, 0.25, 1)
+        float inputs:subsurface = 0.25
+        color3f inputs:subsurface_color = (1, 0.5, 0.25)
+        float inputs:metalness = 0.5"""
+    scene = stage("ND_standard_surface_surfaceshader", inputs)
+    assert mentions(scene, "/M", "subsurface", "diffuse") and len(scene.warnings) == 1
+    seen, base = seen_at(scene, [(0.5, 0.5)]), 0.5 * np.array([0.5, 0.25, 1])
+    np.testing.assert_allclose(seen["diffuse"][0], 0.5 * (0.75 * base + 0.25 * np.array([1, 0.5, 0.25])), rtol=1e-5)
+    np.testing.assert_allclose(seen["specular_f0"][0], 0.5 * 0.04 + 0.5 * base, rtol=1e-5)
+
+
+def test_a_weight_that_varies(tmp_path):
+    """base, metalness and specular of pictures, multiplied texel by texel."""
+    texels = np.random.default_rng(1).uniform(0.1, 0.9, (2, 2, 3))
+    nodes = image("C", write(tmp_path / "c.exr", texels)) + image(
+        "W", write(tmp_path / "w.exr", texels[..., :1]), "float"
+    )
+    inputs = """color3f inputs:base_color.connect = </M/C.outputs:out>
+    float inputs:base.connect = </M/W.outputs:out>
+    float inputs:metalness.connect = </M/W.outputs:out>
+    float inputs:specular.connect = </M/W.outputs:out>
+    """
+    scene = stage("ND_standard_surface_surfaceshader", inputs, nodes)
+    assert scene.warnings == ()
+    found = seen_at(scene, [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)])
+    color = texels.reshape(4, 3)
+    weight = color[:, :1]
+    np.testing.assert_allclose(found["diffuse"], color * weight * (1 - weight), rtol=2e-3)
+    np.testing.assert_allclose(found["specular_f0"], 0.04 * weight * (1 - weight) + color * weight * weight, rtol=2e-3)

@@ -228,6 +228,37 @@ def test_pictures_of_different_sizes_have_the_larger_one(tmp_path) -> None:
     np.testing.assert_allclose(found, 0.5 * texels.reshape(4, 3), rtol=1e-3)
 
 
+def test_a_smaller_picture_is_interpolated(tmp_path) -> None:
+    """As a lookup does it: between the centres of its texels, and clamped at its edges."""
+    small = np.random.default_rng(7).uniform(0.1, 0.9, (2, 3, 3))
+    nodes = image("I", write(tmp_path / "a.exr", small)) + image("J", write(tmp_path / "b.exr", np.ones((8, 12, 3))))
+    nodes += node("X", "ND_multiply_color3", "color3f inputs:in1.connect = </M/I.outputs:out>\n"
+                  "color3f inputs:in2.connect = </M/J.outputs:out>")  # fmt: skip
+    clamped = 'string inputs:uaddressmode = "clamp"\nstring inputs:vaddressmode = "clamp"'
+    at = [((x + 0.5) / 12, (y + 0.5) / 8) for x in range(12) for y in range(8)]
+    alone = square("ND_surface_unlit", CONNECTED.replace("/X.", "/I."), image("I", tmp_path / "a.exr", more=clamped))
+    found = shown(square("ND_surface_unlit", CONNECTED, nodes), at)
+    np.testing.assert_allclose(found, shown(alone, at), rtol=1e-3)
+
+
+def test_encoded_bytes_are_decoded_first(tmp_path) -> None:
+    path = write(tmp_path / "c.png", np.full((2, 2, 3), 0.5), "uint8")
+    nodes = image("I", path).replace(f"@{path}@", f'@{path}@ ( colorSpace = "srgb_texture" )')
+    nodes += node("X", "ND_power_color3FA", "color3f inputs:in1.connect = </M/I.outputs:out>\nfloat inputs:in2 = 2")
+    linear = ((128 / 255 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(shown(square("ND_surface_unlit", CONNECTED, nodes)), linear**2, rtol=1e-4)
+
+
+def test_outside_of_a_border_is_the_function_of_0(tmp_path) -> None:
+    place = node("P", "ND_place2d_vector2", "float2 inputs:offset = (OFFSET, 0)", "vector2")
+    more = 'string inputs:uaddressmode = "constant"\nfloat2 inputs:texcoord.connect = </M/P.outputs:out>'
+    nodes = image("I", write(tmp_path / "a.exr", np.full((2, 2, 3), 0.75)), more=more) + place
+    nodes += node("X", "ND_exp_vector3", "color3f inputs:in.connect = </M/I.outputs:out>")
+    for offset, expected in (("-1", 1.0), ("0", np.exp(0.75))):
+        found = shown(square("ND_surface_unlit", CONNECTED, nodes.replace("OFFSET", offset)))
+        np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
 def test_pictures_at_different_places_are_approximated_with_a_warning(tmp_path) -> None:
     texels = np.random.default_rng(5).uniform(0.1, 0.9, (2, 2, 3))
     nodes = image("I", write(tmp_path / "a.exr", texels))
