@@ -245,15 +245,6 @@ def test_defaults_are_those_of_the_library(kind: str, weights: tuple[str, ...]) 
     library = pytest.importorskip("MaterialX")
     document = library.createDocument()
     library.loadLibraries(library.getDefaultDataLibraryFolders(), library.getDefaultDataSearchPath(), document)
-    weights = (
-        "coat",
-        "coat_weight",
-        "clearcoat",
-        "transmission",
-        "transmission_weight",
-        "emission",
-        "emission_luminance",
-    )
     numbers = {"float": ("float", 1), "color3": ("color3f", 3), "integer": ("int", 1), "boolean": ("bool", 1)}
     authored, weighted = "", ""
     for each in document.getNodeDef(kind).getActiveInputs():
