@@ -28,7 +28,10 @@ ALLOWED: dict[str, set[str]] = {
     "usd": {"aovs", "path_expression", "scene", "errors", "whole_numbers"},
     "film": {"errors"},
     "device": {"scene", "film", "errors"},
-    "kernels": {"scene.features", "device.aov_views", "device.views", "device.cache_views", "device.kernel_factory"},
+    "kernels": {
+        "scene.features", "device.aov_views", "device.views", "device.cache_views", "device.texel_views",
+        "device.kernel_factory",
+    },
     "cache": {"device.cache_views", "device.struct_arrays", "film.metrics", "kernels"},
     "learn": {"config", "methods", "device.views", "device.kernel_factory", "scene.features", "kernels", "errors"},
     "output": {"film", "errors"},

@@ -1,21 +1,27 @@
 """What textures cost: the CPU time of a frame with them over that of the same frame with constant inputs.
 
     python scripts/bench/textures.py [--size 2048] [--repeats 9] [--method auto]
+    python scripts/bench/textures.py --files [--size 8192]     reading and memory of four pictures, nothing else
 
 A wavy surface under a dome and a lamp, all in view; whole frames, learning included, the variants in turn, one thread.
-Medians over the repeats.
+Medians over the repeats. --files writes a colour (JPEG), roughness, metallic (grey PNG) and normals (RGB PNG), reads
+them by a stage, and renders one small frame.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import multiprocessing
+import resource
 import statistics
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
-from warpmis import Progress, render
+from warpmis import Progress, load_stage, render
 from warpmis.scene import Camera, DomeLight, Material, Prim, RectLight, Scene
 from warpmis.scene.geometry import Geometry
 from warpmis.scene.texture import Texture, TextureLookup
@@ -91,15 +97,116 @@ def cpu_seconds(scene: Scene, method: str, seed: int) -> float:
     return time.process_time() - began[0]
 
 
+FILES = {"color": ("color.jpg", 3), "rough": ("rough.png", 1), "metal": ("metal.png", 1), "normal": ("normal.png", 3)}
+
+STAGE = """#usda 1.0
+def Camera "Camera"
+{
+    double3 xformOp:translate = (0, 2, 0)
+    float xformOp:rotateX = -90
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
+}
+def DomeLight "Sky"
+{
+}
+def Mesh "Floor" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
+        interpolation = "vertex"
+    )
+    rel material:binding = </Material>
+}
+def Material "Material"
+{
+    token outputs:surface.connect = </Material/Surface.outputs:surface>
+    def Shader "Surface"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </Material/color.outputs:rgb>
+        float inputs:roughness.connect = </Material/rough.outputs:r>
+        float inputs:metallic.connect = </Material/metal.outputs:r>
+        normal3f inputs:normal.connect = </Material/normal.outputs:rgb>
+        token outputs:surface
+    }
+    def Shader "st"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+%s}
+"""
+
+NODE = """    def Shader "{name}"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{file}@
+        token inputs:sourceColorSpace = "{space}"
+        float4 inputs:scale = ({scale}, {scale}, {scale}, 1)
+        float4 inputs:bias = ({bias}, {bias}, {bias}, 0)
+        float2 inputs:st.connect = </Material/st.outputs:result>
+        float3 outputs:rgb
+        float outputs:r
+    }}
+"""
+
+
+def write_stage(folder: Path, size: int) -> None:
+    """Four pictures that do not compress much, and a floor that shows them."""
+    import OpenImageIO as oiio
+
+    random, nodes = np.random.default_rng(0), ""
+    for name, (file, channels) in FILES.items():
+        coarse = random.integers(60, 200, (size // 16, size // 16, channels), dtype=np.uint8)
+        pixels = coarse.repeat(16, axis=0).repeat(16, axis=1)
+        pixels += random.integers(0, 16, pixels.shape, dtype=np.uint8)
+        output = oiio.ImageOutput.create(str(folder / file))
+        output.open(str(folder / file), oiio.ImageSpec(size, size, channels, "uint8"))
+        output.write_image(pixels)
+        output.close()
+        scale, bias = (2, -1) if name == "normal" else (1, 0)
+        space = "sRGB" if name == "color" else "raw"
+        nodes += NODE.format(name=name, file=file, space=space, scale=scale, bias=bias)
+    (folder / "scene.usda").write_text(STAGE % nodes)
+
+
+def measure_files(size: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        # In a process of its own, whose memory is not in the peak.
+        writer = multiprocessing.get_context("spawn").Process(target=write_stage, args=(Path(folder), size))
+        writer.start()
+        writer.join()
+        stage = Path(folder) / "scene.usda"
+        start, cpu = time.perf_counter(), time.process_time()
+        scene = load_stage(stage, width=64)
+        print(f"read:   {time.perf_counter() - start:6.2f} s, {time.process_time() - cpu:.2f} CPU s")
+        began = [time.perf_counter(), time.process_time()]
+        stats = render(scene, spp=4, method="nee").stats
+        spent = [time.perf_counter() - began[0], time.process_time() - began[1]]
+        seconds = stats["seconds"]
+        print(f"upload: {seconds['load']:6.2f} s; the whole frame {spent[0]:.2f} s, {spent[1]:.2f} CPU s")
+        print(f"device: {stats['bytes']['scene']['textures'] / 2**20:6.0f} MiB of textures")
+        print(f"peak:   {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10:6.0f} MiB of the process")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=int, default=2048, help="of the square pictures (2048)")
+    parser.add_argument("--size", type=int, help="of the square pictures (2048; with --files 8192)")
+    parser.add_argument("--files", action="store_true", help="measure reading and memory of four pictures")
     parser.add_argument("--width", type=int, default=96)
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--method", default="auto")
     options = parser.parse_args()
+    if options.files:
+        measure_files(options.size or 8192)
+        return
     geometry = wavy_surface(300)
-    scenes = {name: scene_of(geometry, one, options.width) for name, one in materials(options.size).items()}
+    scenes = {name: scene_of(geometry, one, options.width) for name, one in materials(options.size or 2048).items()}
     spent: dict[str, list[float]] = {name: [] for name in scenes}
     for seed in range(options.repeats + 1):
         for name, scene in scenes.items():

@@ -10,36 +10,29 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.device.albedo import albedo_table
+from warpmis.device.texel_views import BLACK, CLAMP, MIRRORED, REPEAT, TileView
+from warpmis.device.texels import TexelTable, needed_channels, tiles_of
 from warpmis.device.views import (
-    BLACK,
-    BLOCK,
-    BYTES,
-    CLAMP,
     COAT,
     COAT_ROUGHNESS,
     CONSTANT,
     DIFFUSE,
     EMISSIVE,
-    FLOATS,
     METALLIC,
-    MIRRORED,
     NO_TILE,
     NORMAL,
     OPACITY,
-    REPEAT,
     RGB,
     ROUGHNESS,
     SPECULAR,
-    SRGB_BYTES,
     InputsView,
     LookupView,
     MaterialView,
     SceneView,
-    TileView,
     VaryingView,
 )
 from warpmis.scene import Material, Scene
-from warpmis.scene.texture import FIRST_TILE, Lookup, PrimvarLookup, Texture, TextureLookup, byte_values, channel_of
+from warpmis.scene.texture import FIRST_TILE, Lookup, PrimvarLookup, Texture, TextureLookup, byte_values
 
 WRAP_MODES = {"black": BLACK, "clamp": CLAMP, "repeat": REPEAT, "mirror": MIRRORED}
 UDIM_COLUMNS = 10
@@ -63,19 +56,15 @@ class MaterialTables:
     """The materials of a scene, ready to upload; a picture's texels stand once, whoever looks them up.
 
     Attributes:
-        inputs, lookups, tiles: records; stacks: the pictures in tiles, those together that stand texel by texel
-            side by side; words: how many words all of these take.
-        placed: first word of each picture that is in already, and words from texel to texel, by the array's identity.
+        texels: where pictures stand; inputs, lookups, tiles: records.
         first_tiles: first row in `tiles` of each texture, by its identity.
     """
 
+    texels: TexelTable
     materials: list[MaterialView] = field(default_factory=list)
     inputs: list[InputsView] = field(default_factory=list)
     lookups: list[LookupView] = field(default_factory=list)
     tiles: list[TileView] = field(default_factory=list)
-    stacks: list[list[NDArray[Any]]] = field(default_factory=list)
-    words: int = 0
-    placed: dict[int, tuple[int, int]] = field(default_factory=dict)
     first_tiles: dict[int, int] = field(default_factory=dict)
 
     def add(self, material: Material) -> None:
@@ -97,7 +86,9 @@ class MaterialTables:
             elif name != "normal":
                 setattr(view, attribute, getattr(material, name))
         for names in groups.values():
-            self._stack([lookup.texture for name in names if isinstance(lookup := lookups[name], TextureLookup)])
+            textures = [lookup.texture for name in names if isinstance(lookup := lookups[name], TextureLookup)]
+            for pictures in tiles_of(textures):
+                self.texels.add(pictures)
             for name in names:
                 if name == "normal":
                     view.normal_lookup = len(self.lookups)
@@ -107,24 +98,6 @@ class MaterialTables:
         view.opacity_threshold = material.opacity_threshold
         view.use_specular_workflow = material.use_specular_workflow
         return view
-
-    def _stack(self, textures: list[Texture]) -> None:
-        """Pictures of the same size, looked up at the same places, into the texels: all words of a texel side by side.
-
-        What one hit reads is then in a few lines of the cache. A picture that is in already stays where it is.
-        """
-        for number in textures[0].tiles if textures else ():
-            pictures = {id(texture.tiles[number]): texture.tiles[number] for texture in textures}
-            stack = [pixels for key, pixels in pictures.items() if key not in self.placed]
-            stride = sum(map(words_in_texel, stack))
-            first = self.words
-            for pixels in stack:
-                self.placed[id(pixels)] = first, stride
-                first += words_in_texel(pixels)
-            if stack:
-                rows, columns = (-(-side // BLOCK) * BLOCK for side in stack[0].shape[:2])
-                self.stacks.append(stack)
-                self.words += rows * columns * stride
 
     def _lookup(self, lookup: Lookup, number: int) -> LookupView:
         view = LookupView()
@@ -150,56 +123,18 @@ class MaterialTables:
             self.first_tiles[id(texture)] = len(self.tiles)
             for number in range(FIRST_TILE, FIRST_TILE + (rows * UDIM_COLUMNS or 1)):
                 pixels = texture.tiles.get(number)
-                self.tiles.append(TileView() if pixels is None else self._tile(pixels, texture.is_srgb))
+                self.tiles.append(TileView() if pixels is None else self.texels.view(pixels, texture.is_srgb))
         return self.first_tiles[id(texture)], rows
-
-    def _tile(self, pixels: NDArray[Any], is_srgb: bool) -> TileView:
-        view = TileView()
-        view.rows, view.columns, view.channels = pixels.shape
-        view.blocks = -(-view.columns // BLOCK)
-        view.encoding = (SRGB_BYTES if is_srgb else BYTES) if pixels.dtype == np.uint8 else FLOATS
-        view.first, view.stride = self.placed[id(pixels)]
-        return view
 
 
 def material_tables(scene: Scene) -> MaterialTables:
-    tables = MaterialTables()
-    for material in scene.materials or (Material(),):
+    materials = scene.materials or (Material(),)
+    lookups = [lookup for material in materials for lookup in material.lookups.values()]
+    needed = needed_channels(lookup for lookup in lookups if isinstance(lookup, TextureLookup))
+    tables = MaterialTables(TexelTable(needed))
+    for material in materials:
         tables.add(material)
     return tables
-
-
-def words_in_texel(pixels: NDArray[Any]) -> int:
-    return 1 if pixels.dtype == np.uint8 else pixels.shape[-1]
-
-
-def texels_of(stacks: list[list[NDArray[Any]]]) -> NDArray[np.uint32]:
-    """The words of all pictures as the kernels read them, shape (n,)."""
-    words = [in_blocks(np.concatenate([words_of(pixels) for pixels in stack], axis=-1)) for stack in stacks]
-    return np.concatenate([np.zeros(0, np.uint32), *words])
-
-
-def words_of(pixels: NDArray[Any]) -> NDArray[np.uint32]:
-    """A picture's texels, shape (rows, columns, words)."""
-    return byte_words(pixels) if pixels.dtype == np.uint8 else pixels.view(np.uint32)
-
-
-def byte_words(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """Texels of 1 to 4 bytes as red, green, blue and alpha in one word, red lowest, shape (rows, columns, 1)."""
-    places = [channel_of(channel, pixels.shape[-1]) for channel in range(4)]
-    words = np.full(pixels.shape[:2], 255 << 24 if places[3] < 0 else 0, np.uint32)
-    for channel, place in enumerate(places):
-        if place >= 0:
-            words |= pixels[..., place].astype(np.uint32) << np.uint32(8 * channel)
-    return words[..., None]
-
-
-def in_blocks(texels: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Words of texels, shape (rows, columns, words), block by block, shape (n,); blocks at the edges are filled up."""
-    rows, columns, words = texels.shape
-    texels = np.pad(texels, ((0, -rows % BLOCK), (0, -columns % BLOCK), (0, 0)))
-    blocks = texels.reshape(-1, BLOCK, texels.shape[1] // BLOCK, BLOCK, words)
-    return blocks.swapaxes(1, 2).ravel()
 
 
 def place_of(lookup: Lookup) -> Any:
@@ -220,7 +155,7 @@ def upload_materials(
     """The materials into the view; what varies over surfaces is returned, to be kept alive.
 
     Args:
-        texels: those of tables.stacks, on the device.
+        texels: those of tables.texels, on the device.
         primvars: of the triangles, shape (F, 3, P); places: of the instances, shape (K, P), or (0, P) for none.
     """
     view.materials = wp.array(tables.materials, dtype=MaterialView)

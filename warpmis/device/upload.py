@@ -16,7 +16,7 @@ from warpmis.device.instances import largest_shrinking, place_primvars, upload_i
 from warpmis.device.light import LightTables, light_tables
 from warpmis.device.light_control import control_view
 from warpmis.device.light_nodes import LightNodes
-from warpmis.device.material import MaterialTables, material_tables, texels_of, upload_materials
+from warpmis.device.material import MaterialTables, material_tables, upload_materials
 from warpmis.device.mesh import front_normals, padded_boxes
 from warpmis.device.order import first_use_order, morton_order
 from warpmis.device.start import start_warp
@@ -135,7 +135,8 @@ class Uploads:
 
     def texels_of(self, tables: MaterialTables, device: str) -> Any:
         """The texels of the tables' pictures on the device."""
-        arrays = [(f"{i}", pixels) for i, stack in enumerate(tables.stacks) for pixels in stack]
+        stacks = enumerate(tables.texels.stacks)
+        arrays = [(f"{i} {places}", pixels) for i, stack in stacks for pixels, _, places in stack.pictures]
         return self.texels.of(arrays, device, lambda: upload_texels(tables, device))
 
 
@@ -155,7 +156,8 @@ def fingerprint(arrays: Iterable[tuple[str, NDArray[Any]]]) -> bytes:
 
 
 def upload_texels(tables: MaterialTables, device: str) -> Any:
-    return wp.array(texels_of(tables.stacks), dtype=wp.uint32, device=device)
+    words = tables.texels.texels()
+    return wp.array(words, dtype=wp.uint32, device=device, copy=not wp.get_device(device).is_cpu)
 
 
 def upload_solids(scene: Scene, device: str) -> Solids:

@@ -4,6 +4,7 @@ import warp as wp
 
 from warpmis.device.aov_views import AovView
 from warpmis.device.cache_views import CacheView
+from warpmis.device.texel_views import TileView
 
 # Kinds of light. Each is a branch of the kernels that a scene without that kind does not compile.
 RECT = 0
@@ -31,21 +32,6 @@ COAT = 5
 COAT_ROUGHNESS = 6
 OPACITY = 7
 NORMAL = 8
-
-# How texels are stored: as float32, as bytes, or as bytes of which the colours are sRGB encoded.
-FLOATS = 0
-BYTES = 1
-SRGB_BYTES = 2
-
-# A picture's texels stand in square blocks with so many along each side, so that the four of one lookup, bytes of 64 in
-# a block, are mostly in one line of the cache.
-BLOCK = 4
-
-# Wrap modes of texture coordinates.
-BLACK = 0
-CLAMP = 1
-REPEAT = 2
-MIRRORED = 3
 
 # In place of rows: of TriangleView.normals, MaterialView.inputs and LookupView.tile.
 FLAT = -1
@@ -150,22 +136,6 @@ class LookupView:
     scale: wp.vec3
     bias: wp.vec3
     fallback: wp.vec3
-
-
-@wp.struct
-class TileView:
-    """A picture's texels in VaryingView.texels from `first` on, a word of red, green, blue and alpha bytes each, or
-    `channels` floats, each `stride` words after the one before: between them stand those of pictures that are looked up
-    at the same places. `blocks` blocks side by side, one such row after the other from the top, and so within a block.
-    rows is 0 where a UDIM picture has no tile."""
-
-    encoding: int
-    first: int
-    stride: int
-    rows: int
-    columns: int
-    blocks: int
-    channels: int
 
 
 @wp.struct

@@ -6,24 +6,25 @@ surfaces is therefore an array of one record.
 
 import warp as wp
 
-from warpmis.device.views import (
+from warpmis.device.texel_views import (
     BLACK,
     BLOCK,
-    FLOATS,
+    BYTES,
+    HALVES,
     MIRRORED,
-    NO_TILE,
+    NO_CHANNEL,
     REPEAT,
-    RGB,
+    SHORTS,
     SRGB_BYTES,
-    LookupView,
     TileView,
-    VaryingView,
 )
+from warpmis.device.views import NO_TILE, RGB, LookupView, VaryingView
 
 wp.set_module_options({"enable_backward": False})
 
 UDIM_COLUMNS = wp.constant(10)
 BYTE = wp.constant(wp.uint32(255))
+SHORT = wp.constant(wp.uint32(65535))
 
 
 @wp.func
@@ -174,30 +175,67 @@ def interpolated_texels(
 
 
 @wp.func
+def decoded(byte_values: wp.array(dtype=float), encoding: int, channel: int, bits: wp.uint32) -> float:
+    """The linear value of a channel; `bits` begins with it, and holds other things above it."""
+    if encoding >= BYTES:
+        table = wp.where(encoding == SRGB_BYTES and channel < 3, 256, 0)
+        return byte_values[table + int(bits & BYTE)]
+    if encoding == SHORTS:
+        return float(bits & SHORT) / 65535.0
+    if encoding == HALVES:
+        return float(wp.cast(wp.uint16(bits & SHORT), wp.float16))
+    return wp.cast(bits, float)
+
+
+@wp.func
+def place_of(tile: TileView, channel: int) -> int:
+    """The first byte of red, green, blue or alpha (0 to 3) within a texel's words, or NO_CHANNEL."""
+    return int((tile.places >> wp.uint32(8 * channel)) & BYTE)
+
+
+@wp.func
 def filtered(varying: wp.array(dtype=VaryingView), tile: TileView, f: Footprint, channel: int) -> float:
     """Red, green, blue or alpha (0 to 3) of a picture, linear, interpolated between the footprint's texels."""
+    place = place_of(tile, channel)
+    if place == NO_CHANNEL:
+        return f.coverage
     texels = varying[0].texels
-    if tile.encoding == FLOATS:
-        if channel == 3 and tile.channels % 2 == 1:
-            return f.coverage
-        first = tile.first + wp.where(channel == 3, tile.channels - 1, wp.where(tile.channels >= 3, channel, 0))
-        return interpolated_texels(
-            f,
-            wp.cast(texels[first + f.upper_left * tile.stride], float),
-            wp.cast(texels[first + f.upper_right * tile.stride], float),
-            wp.cast(texels[first + f.lower_left * tile.stride], float),
-            wp.cast(texels[first + f.lower_right * tile.stride], float),
-        )
     byte_values = varying[0].byte_values
-    table = wp.where(tile.encoding == SRGB_BYTES and channel < 3, 256, 0)
-    shift = wp.uint32(8 * channel)
+    first = tile.first + place / 4
+    shift = wp.uint32(8 * (place % 4))
     return interpolated_texels(
         f,
-        byte_values[table + int((texels[tile.first + f.upper_left * tile.stride] >> shift) & BYTE)],
-        byte_values[table + int((texels[tile.first + f.upper_right * tile.stride] >> shift) & BYTE)],
-        byte_values[table + int((texels[tile.first + f.lower_left * tile.stride] >> shift) & BYTE)],
-        byte_values[table + int((texels[tile.first + f.lower_right * tile.stride] >> shift) & BYTE)],
+        decoded(byte_values, tile.encoding, channel, texels[first + f.upper_left * tile.stride] >> shift),
+        decoded(byte_values, tile.encoding, channel, texels[first + f.upper_right * tile.stride] >> shift),
+        decoded(byte_values, tile.encoding, channel, texels[first + f.lower_left * tile.stride] >> shift),
+        decoded(byte_values, tile.encoding, channel, texels[first + f.lower_right * tile.stride] >> shift),
     )
+
+
+@wp.func
+def filtered_color(varying: wp.array(dtype=VaryingView), tile: TileView, f: Footprint) -> wp.vec3:
+    """Red, green and blue of a picture, linear. Colours of bytes stand in one word, which is read once."""
+    if tile.encoding < BYTES:
+        return wp.vec3(filtered(varying, tile, f, 0), filtered(varying, tile, f, 1), filtered(varying, tile, f, 2))
+    texels = varying[0].texels
+    byte_values = varying[0].byte_values
+    table = wp.where(tile.encoding == SRGB_BYTES, 256, 0)
+    first = tile.first + place_of(tile, 0) / 4
+    upper_left = texels[first + f.upper_left * tile.stride]
+    upper_right = texels[first + f.upper_right * tile.stride]
+    lower_left = texels[first + f.lower_left * tile.stride]
+    lower_right = texels[first + f.lower_right * tile.stride]
+    color = wp.vec3()
+    for channel in range(3):
+        shift = wp.uint32(8 * (place_of(tile, channel) % 4))
+        color[channel] = interpolated_texels(
+            f,
+            byte_values[table + int((upper_left >> shift) & BYTE)],
+            byte_values[table + int((upper_right >> shift) & BYTE)],
+            byte_values[table + int((lower_left >> shift) & BYTE)],
+            byte_values[table + int((lower_right >> shift) & BYTE)],
+        )
+    return color
 
 
 @wp.func
@@ -206,14 +244,12 @@ def picture_value(varying: wp.array(dtype=VaryingView), lookup: LookupView, f: F
     value = lookup.fallback
     if f.tile != NO_TILE:
         tile = varying[0].tiles[lookup.tile + f.tile]
-        channel = lookup.channel
-        first = filtered(varying, tile, f, wp.max(channel, 0))
-        second = first
-        third = first
-        if channel == RGB:
-            second = filtered(varying, tile, f, 1)
-            third = filtered(varying, tile, f, 2)
-        value = wp.cw_mul(wp.vec3(first, second, third), lookup.scale) + lookup.bias
+        if lookup.channel == RGB:
+            value = filtered_color(varying, tile, f)
+        else:
+            number = filtered(varying, tile, f, lookup.channel)
+            value = wp.vec3(number, number, number)
+        value = wp.cw_mul(value, lookup.scale) + lookup.bias
     return value
 
 

@@ -11,6 +11,7 @@ from usd.points import seen_at
 from usd.stages import load
 
 from warpmis.device.material import material_tables
+from warpmis.device.texel_views import BYTES, FLOATS, HALVES, SHORTS
 from warpmis.device.upload import Uploads, upload
 from warpmis.scene import Material, Scene
 from warpmis.scene.texture import Texture, TextureLookup
@@ -67,12 +68,34 @@ def test_each_input_has_the_values_of_its_own_picture(tmp_path):
     np.testing.assert_allclose(seen["normal"], normal / np.linalg.norm(normal, axis=1, keepdims=True), atol=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("pixels", "encoding"),
+    [
+        (COLOR[..., :1], BYTES),
+        (RANDOM.random((5, 7, 3)).astype(np.float16).astype(np.float32), HALVES),
+        ((RANDOM.integers(0, 65536, (5, 7, 3)) / 65535.0).astype(np.float32), SHORTS),
+        (RANDOM.random((5, 7, 3)).astype(np.float32), FLOATS),
+    ],
+)
+def test_each_encoding_has_the_values_of_its_picture(tmp_path, pixels, encoding):
+    """Beside other pictures, so that values begin within words."""
+    material = dataclasses.replace(
+        MATERIAL, diffuse_color=lookup(pixels), metallic=lookup(pixels[..., -1:].copy(), "r")
+    )
+    scene = scene_of(tmp_path, material)
+    assert encoding in {tile.encoding for tile in material_tables(scene).tiles}
+    values = pixels / 255.0 if pixels.dtype == np.uint8 else pixels
+    seen = seen_at(scene, POINTS)
+    expected = bilinear(np.broadcast_to(values, (*values.shape[:2], 3)), POINTS)
+    np.testing.assert_allclose(seen["diffuse"], expected, atol=2e-5)
+
+
 def test_texels_of_one_place_stand_side_by_side(tmp_path):
-    """One word of each picture of bytes and three of the floats, then the next texel's; the other size is apart."""
+    """Three words of floats, one of the colour and the packed picture's g, one of its a; the other size is apart."""
     tables = material_tables(scene_of(tmp_path, MATERIAL))
     strides = [tables.tiles[view.tile].stride for view in tables.lookups]
     assert sorted(strides) == [1, 5, 5, 5, 5]
-    assert sorted({tables.tiles[view.tile].first for view in tables.lookups if view.reuses_footprint}) == [1, 2]
+    assert len({tables.tiles[view.tile].first for view in tables.lookups}) == 2
     assert sum(not view.reuses_footprint for view in tables.lookups) == 2  # places that are computed
 
 
@@ -80,7 +103,7 @@ def test_picture_that_stands_already_is_stored_once_and_read_where_it_is(tmp_pat
     gloss = RANDOM.integers(0, 256, (5, 7, 1), np.uint8)
     second = Material(diffuse_color=lookup(COLOR, is_srgb=True), roughness=lookup(gloss, "r"))
     both = material_tables(scene_of(tmp_path, MATERIAL, second))
-    assert both.words == material_tables(scene_of(tmp_path, MATERIAL)).words + 8 * 8
+    assert both.texels.words == material_tables(scene_of(tmp_path, MATERIAL)).texels.words + 8 * 8
     seen = seen_at(scene_of(tmp_path, dataclasses.replace(second, metallic=0.0), MATERIAL), POINTS)
     np.testing.assert_allclose(seen["diffuse"], bilinear(srgb_to_linear(COLOR / 255.0), POINTS), atol=2e-5)
 
