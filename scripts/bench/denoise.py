@@ -7,6 +7,7 @@ A scene is a folder of usd_scenes or the path of a stage. All figures are relMSE
 error is (x - R0).(x - R1) with two independent references, so that their noise does not enter it.
 
 plain     a render of all samples, not denoised: what a user has without --denoise
+denoised  the denoised picture against the references; estimate: what the render says of it, and its standard error
 gain      plain over denoised
 worst     the same for the worst seed: below 1 somebody has lost
 tiles     share of tiles of 8 x 8 pixels that are worse denoised, of those with over 2 % of the mean tile's plain error
@@ -58,6 +59,7 @@ class Reference:
 
 def measure(scene: warpmis.Scene, reference: Reference, spp: int, seeds: int) -> Row:
     plain_errors, errors, gains, worse, covered, bounded, seconds = [], [], [], [], [], [], []
+    estimates, standard_errors = [], []
     for seed in range(seeds):
         plain = warpmis.render(scene, method="nee", spp=spp, seed=seed).image
         result = warpmis.render(scene, method="nee", spp=spp, seed=seed, denoise=True)
@@ -72,10 +74,14 @@ def measure(scene: warpmis.Scene, reference: Reference, spp: int, seeds: int) ->
         covered.append(abs(stats["relative_mse"] - errors[-1]) < 2.0 * stats["standard_error"])
         bounded.append(errors[-1] ** 0.5 < stats["relative_error_bound"])
         seconds.append(stats["seconds"])
+        estimates.append(stats["relative_mse"])
+        standard_errors.append(stats["standard_error"])
     return {
         "spp": spp,
         "plain": float(np.mean(plain_errors)),
         "denoised": float(np.mean(errors)),
+        "estimate": float(np.mean(estimates)),
+        "standard_error": float(np.mean(standard_errors)),
         "gain": float(np.mean(plain_errors) / np.mean(errors)),
         "worst": float(np.min(gains)),
         "tiles": float(np.mean(worse)),
@@ -124,13 +130,17 @@ def main() -> None:
         start = time.perf_counter()
         scene = warpmis.load_stage(stage_of(name), width=arguments.width)
         reference = Reference(scene, arguments.reference_spp)
-        print(f"\n{name}\n| spp | plain | denoised | gain | worst | tiles worse | covered | bound holds | s |")
-        print("|---|---|---|---|---|---|---|---|---|")
+        print(f"\n{name}")
+        print("| spp | plain | denoised | estimate | gain | worst | tiles worse | covered | bound holds | s |")
+        print("|---|---|---|---|---|---|---|---|---|---|")
         rows = report[name] = []
         for spp in arguments.spp:
             row = measure(scene, reference, spp, arguments.seeds)
             rows.append(row)
-            figures = f"{row['plain']:.4f} | {row['denoised']:.5f} | {row['gain']:.1f} | {row['worst']:.1f}"
+            estimate = f"{row['estimate']:.5f} ± {row['standard_error']:.5f}"
+            figures = (
+                f"{row['plain']:.4f} | {row['denoised']:.5f} | {estimate} | {row['gain']:.1f} | {row['worst']:.1f}"
+            )
             shares = f"{row['tiles']:.1%} | {row['covered']:.0%} | {row['bound']:.0%} | {row['seconds']:.2f}"
             print(f"| {spp} | {figures} | {shares} |", flush=True)
         print(f"({time.perf_counter() - start:.0f} s)", flush=True)
