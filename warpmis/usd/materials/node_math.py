@@ -30,7 +30,8 @@ class NodeMath(NamedTuple):
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.sum(a * b, axis=-1, keepdims=True)
+    # Several times as fast over a short last axis as a sum is.
+    return np.asarray(np.einsum("...i,...i->...", *np.broadcast_arrays(a, b))[..., None])
 
 
 def _length(a: FloatArray) -> FloatArray:
@@ -121,10 +122,10 @@ def _saturate(rgb: FloatArray, amount: FloatArray, weights: FloatArray) -> Float
 
 def rgb_to_hsv(rgb: FloatArray) -> FloatArray:
     """Hue, saturation and value in [0, 1], shape (..., 3). Reference: Foley et al. (1990), section 13.3.4."""
-    most, least = rgb.max(axis=-1), rgb.min(axis=-1)
+    red, green, blue = np.moveaxis(rgb, -1, 0)
+    most, least = np.maximum(np.maximum(red, green), blue), np.minimum(np.minimum(red, green), blue)
     chroma = most - least
     some = np.where(chroma == 0.0, 1.0, chroma)
-    red, green, blue = np.moveaxis(rgb, -1, 0)
     sextant = np.where(
         red >= most,
         (green - blue) / some,
@@ -233,7 +234,7 @@ MATH: dict[str, NodeMath] = {
     "multiply": _binary(np.multiply, 1.0, ("in1", "in2")),
     "divide": _binary(np.divide, 1.0, ("in1",)),
     "modulo": _binary(lambda a, b: a - b * np.floor(a / b), 1.0),
-    "power": _binary(lambda a, b: np.asarray(a, np.float64) ** b, 1.0),
+    "power": _binary(np.power, 1.0),
     "safepower": _binary(lambda a, b: np.sign(a) * np.abs(a) ** b, 1.0),
     "min": _binary(np.minimum, 0.0),
     "max": _binary(np.maximum, 0.0),

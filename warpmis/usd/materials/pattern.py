@@ -224,7 +224,8 @@ def _baked(function: Callable[..., FloatArray], inputs: Sequence[Pattern]) -> Pa
     for number in first.texture.tiles:
         shapes = [picture.texture.tiles[number].shape[:2] for picture in pictures]
         shape = max(shapes, key=lambda one: one[0] * one[1])
-        tiles[number] = _three_wide(_evaluated_tile(function, inputs, number, shape) - outside.astype(np.float32))
+        found = _evaluated_tile(function, inputs, number, shape)
+        tiles[number] = _three_wide(found - outside.astype(np.float32) if outside.any() else found)
     fallback = _finite(function(*[_at_fallback(pattern) for pattern in inputs]))
     width = len(fallback)
     outside = np.broadcast_to(outside, width).astype(np.float64)
@@ -261,12 +262,14 @@ def _evaluated_tile(
     """The function at every texel of a tile, shape (rows, columns, m), some rows at a time."""
     operands = [_operand(pattern, number, shape) for pattern in inputs]
     step = max(BLOCK_TEXELS // shape[1], 1)
-    blocks = []
+    found = None
     for start in range(0, shape[0], step):
         rows = slice(start, min(start + step, shape[0]))
         values = _finite(function(*[operand(rows) for operand in operands]))
-        blocks.append(np.broadcast_to(values, (rows.stop - start, shape[1], values.shape[-1])).astype(np.float32))
-    return np.concatenate(blocks)
+        if found is None:
+            found = np.empty((*shape, values.shape[-1]), np.float32)
+        found[rows] = values
+    return np.zeros((*shape, 1), np.float32) if found is None else found
 
 
 def _operand(pattern: Pattern, number: int, shape: tuple[int, int]) -> Callable[[slice], FloatArray]:
@@ -280,9 +283,11 @@ def _operand(pattern: Pattern, number: int, shape: tuple[int, int]) -> Callable[
     scale, bias = pattern.scale.astype(np.float32), pattern.bias.astype(np.float32)
     is_srgb = source.texture.is_srgb
 
+    is_plain = bool((scale == 1.0).all() and (bias == 0.0).all())
+
     def values(rows: slice) -> FloatArray:
-        planes = [linear_channel(pixels[rows], channel, is_srgb) for channel in pattern.channels]
-        return np.stack(planes, axis=-1) * scale + bias
+        planes = np.stack([linear_channel(pixels[rows], channel, is_srgb) for channel in pattern.channels], axis=-1)
+        return planes if is_plain else planes * scale + bias
 
     return values
 
@@ -318,9 +323,11 @@ def _three_wide(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _finite(values: Any) -> NDArray[Any]:
-    """Values without what is not finite: 0 there, so that no division spoils a picture; none beyond float32."""
-    found = np.nan_to_num(np.atleast_1d(values), nan=0.0, posinf=0.0, neginf=0.0)
-    return np.clip(found, -MOST, MOST)
+    """Values with 0 in the place of what no float32 holds, so that no division spoils a picture."""
+    found = np.atleast_1d(values)
+    with np.errstate(all="ignore"):
+        bounded = np.abs(found) <= MOST  # False for what is not a number
+    return found if bounded.all() else np.where(bounded, found, 0.0)
 
 
 def value_of(pattern: Pattern, width: int, columns: PrimvarColumns) -> Any:
