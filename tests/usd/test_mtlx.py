@@ -13,6 +13,7 @@ from usd.pictures import write
 from usd.points import seen_at
 from usd.stages import mentions
 
+from warpmis.errors import StageError
 from warpmis.scene import Scene
 from warpmis.usd import load_stage
 
@@ -229,6 +230,39 @@ def "Q" ( references = @all.usdz@</Q> )
 }
 """)
     assert_is_paint(load_stage(outer))
+
+
+def bound_to_the_library(folder: Path, head: str) -> Path:
+    """A square whose material is the file's own, at its own place."""
+    path = stage(folder, "")
+    text = path.read_text().replace("</Looks/Paint>", "</MaterialX/Materials/Paint>").replace("(\n    \n)", "")
+    path.write_text(text.replace("#usda 1.0", f"#usda 1.0\n{head}"))
+    return path
+
+
+def test_a_sublayer(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    document(tmp_path / "look.mtlx")
+    inner = bound_to_the_library(tmp_path, "( subLayers = [@look.mtlx@] )")
+    assert_is_paint(load_stage(inner))
+    outer = tmp_path / "outer.usda"
+    outer.write_text(f"#usda 1.0\n( subLayers = [@{inner.name}@] )\n")
+    assert_is_paint(load_stage(outer))
+    (tmp_path / "look.mtlx").unlink()
+    assert mentions(load_stage(inner), "look.mtlx", "does not exist")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_session_layer(tmp_path: Path) -> None:
+    look = document(tmp_path / "look.mtlx")
+    assert_is_paint(load_stage(bound_to_the_library(tmp_path, ""), session_layer=look))
+    look.write_text("<materialx")
+    with pytest.raises(StageError, match=r"look\.mtlx: the session layer cannot be opened"):
+        load_stage(tmp_path / "scene.usda", session_layer=look)
+
+
+def test_a_file_alone_is_no_stage(tmp_path: Path) -> None:
+    with pytest.raises(StageError, match=r"look\.mtlx: it holds materials alone"):
+        load_stage(document(tmp_path / "look.mtlx"))
 
 
 def test_color_spaces_of_colors_and_files(tmp_path: Path) -> None:

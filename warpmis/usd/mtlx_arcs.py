@@ -42,9 +42,10 @@ class MtlxArcs:
         if root.identifier not in self.replacements:
             self.replacements[root.identifier] = None  # a circle of references ends here
             overlay = Sdf.Layer.CreateAnonymous(root.GetDisplayName(), Sdf.FileFormat.FindById("usda"))
-            if self._replace_arcs(root, overlay):
+            sublayers = [self._target(path) for path in _sublayers(root)]
+            if self._replace_arcs(root, overlay) or any(sublayers):
                 _copy_metadata(root, overlay)
-                overlay.subLayerPaths = [root.identifier]
+                overlay.subLayerPaths = [root.identifier, *filter(None, sublayers)]
                 self.replacements[root.identifier] = overlay
         return self.replacements[root.identifier]
 
@@ -52,7 +53,7 @@ class MtlxArcs:
         """Adds to the overlay what leads all arcs of a stack elsewhere that must be; whether there are any."""
         any_replaced = False
         for layer in _stack(root):
-            targets = {path: self._target(layer.ComputeAbsolutePath(path)) for path in _dependencies(layer)}
+            targets = {path: self._target(layer.ComputeAbsolutePath(path)) for path in _files(layer)}
             if not any(targets.values()):
                 continue
             any_replaced = True
@@ -62,7 +63,7 @@ class MtlxArcs:
 
     def _target(self, identifier: str) -> str:
         """The identifier of the layer in the place of a file; "" for one that stays."""
-        if _is_mtlx(identifier):
+        if is_mtlx(identifier):
             layer = self._translated(identifier)
         else:
             found = Sdf.Layer.Find(identifier)
@@ -83,13 +84,20 @@ class MtlxArcs:
         return self.replacements[identifier]
 
 
-def _is_mtlx(identifier: str) -> bool:
+def is_mtlx(identifier: str) -> bool:
+    """Whether a path names a MaterialX file, perhaps one within a package."""
     return identifier.rstrip("]").lower().endswith(SUFFIX)
 
 
-def _dependencies(layer: Any) -> list[str]:
-    """The files that a layer refers to, as authored."""
-    return [path for path in layer.GetCompositionAssetDependencies() if path]
+def _files(layer: Any) -> list[str]:
+    """The files that a layer's references and payloads name, as authored."""
+    return [path for path in layer.GetCompositionAssetDependencies() if path and path not in list(layer.subLayerPaths)]
+
+
+def _sublayers(root: Any) -> list[str]:
+    """The MaterialX files that are sublayers in a stack."""
+    found = [layer.ComputeAbsolutePath(path) for layer in _stack(root) for path in layer.subLayerPaths]
+    return [path for path in found if is_mtlx(path)]
 
 
 def _stack(root: Any) -> Iterator[Any]:

@@ -13,7 +13,8 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from warpmis.errors import StageError
-from warpmis.usd.mtlx_arcs import MtlxArcs
+from warpmis.usd.materials.mtlx_document import MtlxError, mtlx_layer
+from warpmis.usd.mtlx_arcs import MtlxArcs, is_mtlx
 from warpmis.usd.reading import PxrError, one_line
 
 
@@ -34,8 +35,8 @@ def open_stage(
         stage = _same_layers(path_or_stage, session_layer, mask)
     else:
         root = _root_layer(path_or_stage)
-        session = _session_above([] if session_layer is None else [_layer(os.fspath(session_layer))])
-        stage = _opened(root, session, _population(mask))
+        above = [] if session_layer is None else [_layer(os.fspath(session_layer))]
+        stage = _opened(root, _session_above(above), _population(mask))
     stage.SetEditTarget(stage.GetSessionLayer())
     for path in mask:
         if not stage.GetPrimAtPath(path):
@@ -91,6 +92,8 @@ def _opened(root: Any, session: Any, population: Any, context: Any = None, load_
 
 
 def _root_layer(path: str) -> Any:
+    if is_mtlx(path) and os.path.exists(path):
+        raise StageError("it holds materials alone: open a stage that refers to it", Path(path).name)
     try:
         layer = Sdf.Layer.FindOrOpen(path)
     except PxrError as error:
@@ -104,7 +107,9 @@ def _root_layer(path: str) -> Any:
 
 def _layer(path: str) -> Any:
     try:
-        layer = Sdf.Layer.FindOrOpen(path)
+        layer = mtlx_layer(path) if is_mtlx(path) and os.path.exists(path) else Sdf.Layer.FindOrOpen(path)
+    except MtlxError as error:
+        raise StageError(f"the session layer cannot be opened: {error}", Path(path).name) from None
     except PxrError as error:
         raise StageError(f"the session layer cannot be opened: {one_line(error)}", Path(path).name or path) from None
     if not layer:

@@ -22,7 +22,7 @@ PRIM_PREFIX = re.compile(r"^In <[^>]*>: ")
 SOURCE_SITE = re.compile(r" \((instantiating|recomposing) stage on stage .*\)$")
 
 # pxr's line about a MaterialX file, for which it has no reader; and what it calls a layer without a file.
-MTLX_ERROR = re.compile(r"Could not open asset @([^@]*\.mtlx\]?)@", re.IGNORECASE)
+MTLX_ERROR = re.compile(r"Could not (?:open asset|load sublayer) @([^@]*\.mtlx\]?)@", re.IGNORECASE)
 ANONYMOUS = re.compile(r"\banon:0x[0-9a-f]+:")
 
 # pxr's line about a binding without its schema.
@@ -216,6 +216,8 @@ def composition_warnings(reading: Reading, unread: Mapping[str, str]) -> None:
         path = site.path if site else reading.stage.GetRootLayer().identifier
         message = ANONYMOUS.sub("", " ".join(str(error).split()))
         if file := MTLX_ERROR.search(message):
+            if file[1] not in unread and "sublayer" in file[0]:  # it stands in another place
+                continue
             message = f"the MaterialX file {file[1]} is left out: {unread.get(file[1], 'it cannot be opened')}"
         found.append((str(path), message))
     for path, message in sorted(found):  # pxr composes in threads, which find errors in any order
