@@ -29,8 +29,8 @@ ALLOWED: dict[str, set[str]] = {
     "film": {"errors"},
     "device": {"scene", "film", "errors"},
     "kernels": {
-        "scene.features", "device.aov_views", "device.views", "device.cache_views", "device.texel_views",
-        "device.kernel_factory",
+        *("scene.features", "device.kernel_factory", "device.aov_views", "device.cache_views"),
+        *("device.instance_views", "device.texel_views", "device.views"),
     },
     "cache": {"device.cache_views", "device.struct_arrays", "film.metrics", "kernels"},
     "learn": {"config", "methods", "device.views", "device.kernel_factory", "scene.features", "kernels", "errors"},

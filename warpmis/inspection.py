@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warpmis.device.environment import LUMINANCE, mean_over_sphere
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, Prim, RectLight, Scene, SphereLight
 from warpmis.scene.features import Features, detect, is_emissive
-from warpmis.scene.geometry import bounds
+from warpmis.scene.geometry import Geometry, bounds
 from warpmis.scene.texture import Texture, TextureLookup
 
 # Light that leaves a surface: lumen where the scene's unit of length is the metre.
@@ -198,19 +198,40 @@ def _report(
 
 def emissive_surfaces(scene: Scene) -> Iterator[LightReport]:
     """One report for each prim and emissive material; a double-sided prim shines from both sides."""
-    geometry = scene.geometry
     emissive = np.array([is_emissive(material) for material in scene.materials], dtype=bool)
     if not emissive.any():
         return
-    shining = np.flatnonzero(emissive[geometry.materials])
-    corners = geometry.points[geometry.triangles[shining]].astype(np.float64)
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    pairs = np.stack([geometry.prims[shining], geometry.materials[shining]], axis=1)
-    unique, which = np.unique(pairs, axis=0, return_inverse=True)
+    found = [surface_areas(scene.geometry, emissive, np.eye(3)[None], None)]
+    for one in scene.prototypes:
+        found.append(surface_areas(one.geometry, emissive, one.linear, one.prims))
+    prims, materials, areas = (np.concatenate(column) for column in zip(*found, strict=True))
+    unique, which = np.unique(np.stack([prims, materials], axis=1), axis=0, return_inverse=True)
     for (prim, material), area in zip(unique, np.bincount(which.ravel(), weights=areas), strict=True):
         sides = 2.0 if scene.prims[prim].double_sided else 1.0
         emitted = np.array(scene.materials[material].mean_emission)
         yield _report(scene.prims[prim].path, "EmissiveSurface", emitted, "nit", np.pi * sides * area, None)
+
+
+def surface_areas(
+    geometry: Geometry, emissive: NDArray[np.bool_], linear: NDArray[np.float64], prims: NDArray[np.int32] | None
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:
+    """Prim, material and area [square scene unit] of what shines, several of a pair to be added up, shape (n,) each.
+
+    Args:
+        linear: of each place, shape (k, 3, 3); prims: of each, shape (k,), or None for those of the triangles.
+    """
+    shining = np.flatnonzero(emissive[geometry.materials])
+    corners = geometry.points[geometry.triangles[shining]].astype(np.float64)
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    materials = geometry.materials[shining]
+    if prims is None:
+        return geometry.prims[shining], materials, 0.5 * np.linalg.norm(crosses, axis=1)
+    used, which = np.unique(materials, return_inverse=True)
+    areas = np.zeros((len(prims), len(used)))
+    for place, matrix in enumerate(linear):
+        carried = crosses @ (np.linalg.det(matrix) * np.linalg.inv(matrix))
+        areas[place] = np.bincount(which.ravel(), 0.5 * np.linalg.norm(carried, axis=1), len(used))
+    return np.repeat(prims, len(used)), np.tile(used, len(prims)), areas.ravel()
 
 
 # ---- materials ------------------------------------------------------------------------------------------------------
@@ -273,7 +294,8 @@ def parts(scene: Scene) -> Iterator[tuple[str, Scene]]:
     for prim, rows in zip(prims, np.split(order, starts[1:]), strict=False):
         yield scene.prims[prim].path, _triangles(scene, rows, (scene.prims[prim],))
     for prototype in scene.prototypes:
-        yield scene.prims[prototype.prims[0]].path, replace(nothing, prototypes=(prototype,))
+        own = tuple(scene.prims[prim] for prim in np.unique(prototype.prims))
+        yield own[0].path, replace(nothing, prototypes=(prototype,), prims=own)
 
 
 def _triangles(scene: Scene, rows: NDArray[np.int64], prims: tuple[Prim, ...]) -> Scene:

@@ -84,7 +84,7 @@ def probe(
     if mode != LOOK:
         s = lights.sample(scene, r, u)
         if mode == SAMPLE_FIRST:
-            s = lights.sample_light(scene, scene.lights[0], -1, r.x, r.n, u)
+            s = lights.sample_light(scene, scene.lights[0], -1, -1, r.x, r.n, u)
         wi[i] = s.wi
         p.sampled_pdf = s.pdf_solid_angle
         p.sampled_distance = s.distance

@@ -59,7 +59,7 @@ def probabilities(
     for k in range(32):
         key.sample = wp.uint32(k)
         u = rng.uniform4(key, i)
-        s = lights.sample_light(scene, scene.lights[index], emitter, r.x, r.n, u)
+        s = lights.sample_light(scene, scene.lights[index], emitter, -1, r.x, r.n, u)
         arrives = s.pdf_solid_angle > 0.0 and wp.dot(s.wi, r.n) > 1.0e-4
         if arrives and wp.max(lights.control.factor(scene, index, r, s.wi)) > 1.0e-6:
             brings[i, leaf] = 1

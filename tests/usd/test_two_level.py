@@ -16,6 +16,7 @@ from warpmis import render
 from warpmis.scene import Scene
 from warpmis.scene.features import detect
 from warpmis.scene.geometry import bounds
+from warpmis.usd.shapes.surfaces import Shading, flat_surface
 
 EVERY_PLACE = """int[] protoIndices = [0, 1, 0, 1, 0, 1]
     point3f[] positions = [(-2, 0, 0), (0, 0, 0), (2, 0, 0), (-2, 2, 0), (0, 2, -1), (2, 2, 0)]
@@ -323,14 +324,34 @@ def test_instances_in_another_color_space_have_another_material() -> None:
     assert scene.materials[0].diffuse_color != scene.materials[1].diffuse_color
 
 
-def test_emissive_instances_are_as_one_material_that_they_share() -> None:
-    """They stand in world space, once each, and the surface is read once."""
+def test_emissive_instances_share_a_surface_and_a_material_where_they_are_many() -> None:
     glow = "color3f inputs:emissiveColor = (2, 1, 0)"
-    scene = loaded(bolts(4, glow), 0)
     ball = len(load('def Sphere "S"\n{\n}\n').geometry.triangles)
+    scene = loaded(bolts(4, glow), 0)
+    (prototype,) = scene.prototypes
     assert len(scene.materials) == 1
-    assert len(scene.geometry.triangles) == 4 * ball
-    assert detect(scene).mesh_light
+    assert (len(prototype.prims), len(prototype.geometry.triangles)) == (4, ball)
+    assert not len(scene.geometry.triangles)
+    assert detect(scene).mesh_light and detect(scene).emissive_instances
+    few = load(bolts(4, glow))
+    assert len(few.geometry.triangles) == 4 * ball
+    assert detect(few).mesh_light and not detect(few).emissive_instances
+    assert scene.notes == few.notes  # no dome is added to what has a light
+
+
+def test_few_that_emit_among_many_that_do_not_are_flattened() -> None:
+    def part(emission: tuple[float, float, float], copies: int) -> placing.Places:
+        index = 1 if max(emission) > 0.0 else 0
+        surface = flat_surface(np.eye(3), np.array([[0, 1, 2]]), np.zeros(1, np.int64))
+        shading = Shading(np.array([index]), np.zeros((1, 3, 0), np.float32))
+        found = placing.Places(surface, shading)
+        found.add(np.tile(np.eye(4), (copies + 1, 1, 1)), 0, shading.places)
+        return found
+
+    dark, bright = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+    parts = [part(dark, 50_000), part(bright, 10_000), part(bright, 20_000), part(dark, 2_000_000)]
+    apart = placing.traced_through(parts, np.array([False, True]))
+    assert apart == {parts[2], parts[3]}
 
 
 def test_a_thousand_instances_with_their_own_material_take_the_memory_of_one() -> None:
@@ -345,22 +366,7 @@ def test_bounds_hold_every_place() -> None:
     np.testing.assert_allclose(high, [58, 1, 1], atol=1e-6)
 
 
-def test_what_emits_and_what_is_flat_as_a_sheet_is_flattened() -> None:
-    more = """int[] protoIndices = [0, 0, 0]
-    point3f[] positions = [(0, 0, 0), (3, 0, 0), (6, 0, 0)]
-    float3[] scales = [(1, 1, 1), (1, 1, 0), (1, 1, 0.0001)]
-    rel prototypes = [</I/Ball>]
-"""
-    text = f'def PointInstancer "I"\n{{\n{more}\ndef Sphere "Ball"\n{{\nGLOW\n}}\n}}\n'
-    scene = loaded(text.replace("GLOW", ""), 0)
-    (prototype,) = scene.prototypes
-    np.testing.assert_allclose(prototype.translation, [[0, 0, 0]])
-    assert len(scene.geometry.triangles) > len(prototype.geometry.triangles)
-    glow = "rel material:binding = </Glow>"
-    text = text.replace('def Sphere "Ball"', 'def Sphere "Ball" (prepend apiSchemas = ["MaterialBindingAPI"])')
-    text = (
-        text.replace("GLOW", glow)
-        + """def Material "Glow"
+GLOW = """def Material "Glow"
 {
     token outputs:surface.connect = </Glow/S.outputs:surface>
     def Shader "S"
@@ -371,10 +377,24 @@ def test_what_emits_and_what_is_flat_as_a_sheet_is_flattened() -> None:
     }
 }
 """
-    )
-    scene = loaded(text, 0)
-    assert scene.prototypes == ()
-    assert detect(scene).mesh_light
+
+
+@pytest.mark.parametrize("glows", [False, True])
+def test_what_is_flat_as_a_sheet_is_flattened(glows: bool) -> None:
+    more = """int[] protoIndices = [0, 0, 0]
+    point3f[] positions = [(0, 0, 0), (3, 0, 0), (6, 0, 0)]
+    float3[] scales = [(1, 1, 1), (1, 1, 0), (1, 1, 0.0001)]
+    rel prototypes = [</I/Ball>]
+"""
+    text = f'def PointInstancer "I"\n{{\n{more}\ndef Sphere "Ball"\n{{\nBINDING\n}}\n}}\n'
+    if glows:
+        text = text.replace('def Sphere "Ball"', 'def Sphere "Ball" (prepend apiSchemas = ["MaterialBindingAPI"])')
+        text += GLOW
+    scene = loaded(text.replace("BINDING", "rel material:binding = </Glow>" if glows else ""), 0)
+    (prototype,) = scene.prototypes
+    np.testing.assert_allclose(prototype.translation, [[0, 0, 0]])
+    assert len(scene.geometry.triangles) > len(prototype.geometry.triangles)
+    assert detect(scene).emissive_instances == glows
 
 
 def test_instances_too_far_away_are_left_out_with_a_warning() -> None:

@@ -30,6 +30,8 @@ PURPOSES = {
     "emitter_triangles": "lights",
     "emitter_lights": "lights",
     "emitter_cdf": "lights",
+    "emitter_places": "lights",
+    "place_of_instance": "lights",
     "light_tree": "lights",
     "delta_tree": "lights",
     "rows": "lights",

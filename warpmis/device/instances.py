@@ -9,9 +9,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpmis.device.instance_views import InstanceView
 from warpmis.device.mesh import MAX_SHARE, PAD, padding, triangle_boxes
 from warpmis.device.struct_arrays import records
-from warpmis.device.views import InstanceView
 from warpmis.scene.geometry import Bounds, Prototype
 
 # The boxes are widened by this share of their largest coordinate: float32 carries the triangles to about there.

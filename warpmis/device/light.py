@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,10 @@ from warpmis.device.environment import LUMINANCE, Environment, combine
 from warpmis.device.light_leaves import analytic_leaves, link_bits, point_leaves, triangle_leaves
 from warpmis.device.light_nodes import LightNodes, light_nodes
 from warpmis.device.light_records import FloatArray, delta_records, dome_record, light_records
+from warpmis.device.light_tree import IntArray
 from warpmis.device.mesh import grown_boxes
 from warpmis.device.mesh_lights import MeshLights, mesh_lights
+from warpmis.device.place_lights import PlaceLights, emitter_nodes, place_leaves, two_levels
 from warpmis.device.struct_arrays import Records, blank
 from warpmis.device.views import LightView
 from warpmis.scene import DistantLight, DomeLight, Scene
@@ -29,12 +31,13 @@ class LightTables:
     """The lights of a scene, ready to upload.
 
     Attributes:
-        lights: records: first the analytic lights at a distance, `analytic` of them, then the mesh lights, up to
-            `finite`, then those at infinity; delta_lights: first the points, `points` of them.
-        mesh: the mesh lights, in the same order.
+        lights: records: first the analytic lights at a distance, `analytic` of them, then the mesh lights and those of
+            prototypes, up to `finite`, then those at infinity; delta_lights: first the points, `points` of them.
+        mesh, placed: the mesh lights, and those of prototypes, in the same order.
         environment: all domes as one, or None.
         controls: what is asked of each of the lights and then of the delta lights.
-        tree: over the analytic lights at a distance and then the triangles of the mesh lights, or None.
+        tree: over the analytic lights at a distance and then the triangles of the mesh lights, or None; with
+            prototypes that emit, as of place_lights.two_levels, which says what `roots` are.
         boxes: of the former, lower and upper corners, shape (analytic, 3) each, where there is a tree.
         point_tree: over the points, or None; its weights are shares of brightest_point, a luminance.
         prim_links: per prim the bits of the lights that reach it, where there is a tree.
@@ -46,25 +49,32 @@ class LightTables:
     finite: int
     points: int
     mesh: MeshLights
+    placed: PlaceLights
     environment: Environment | None
     controls: list[LightControl]
     tree: LightNodes | None = None
+    roots: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     boxes: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
     point_tree: LightNodes | None = None
     brightest_point: float = 1.0
     prim_links: NDArray[np.uint32] | None = None
 
     @property
+    def emitter_triangles(self) -> NDArray[np.int32]:
+        """Rows of SceneView.triangles of the emissive ones: those in world space, then those of prototypes."""
+        return np.concatenate([self.mesh.triangles, self.placed.triangles])
+
+    @property
     def groups(self) -> tuple[str | None, ...]:
         """Of each of the lights and then of the delta lights: the key of its group; None where a surface glows."""
         keys: list[str | None] = [control.group for control in self.controls]
-        for row, glows in enumerate(self.mesh.glows, start=self.analytic):
+        for row, glows in enumerate(self.mesh.glows + self.placed.glows, start=self.analytic):
             if glows:
                 keys[row] = None
         return tuple(keys)
 
 
-def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
+def light_tables(scene: Scene, geometry: Geometry, placed: PlaceLights) -> LightTables:
     """Records of all lights; `geometry` is the scene's, in the order in which it is uploaded."""
     domes = [light for light in scene.lights if isinstance(light, DomeLight)]
     points = [light for light in scene.lights if is_delta(light) and not isinstance(light, DistantLight)]
@@ -75,18 +85,20 @@ def light_tables(scene: Scene, geometry: Geometry) -> LightTables:
     mesh = mesh_lights(scene, geometry)
     environment = combine(domes) if domes else None
     sky = blank(LightView, 0) if environment is None else dome_record(environment)
-    found = [light_records(analytic), mesh.records, light_records(distant), sky]
+    found = [light_records(analytic), mesh.records, placed.records, light_records(distant), sky]
     lights = blank(LightView, sum(map(len, found)))
     lights[:] = np.concatenate(found)  # which drops the gaps between fields
     lights["luminance"] = relative(lights["luminance"])
-    controls = [light.control for light in analytic] + mesh.controls + [light.control for light in distant]
+    controls = [light.control for light in analytic] + mesh.controls + placed.controls
+    controls += [light.control for light in distant]
     tables = LightTables(
         lights=lights,
         delta_lights=delta_records(delta),
         analytic=len(analytic),
-        finite=len(analytic) + len(mesh.records),
+        finite=len(analytic) + len(mesh.records) + len(placed.records),
         points=len(points),
         mesh=mesh,
+        placed=placed,
         environment=environment,
         controls=controls + [dome.control for dome in domes[:1]] + [light.control for light in delta],
     )
@@ -127,4 +139,13 @@ def with_tree(tables: LightTables, links: NDArray[np.uint32]) -> LightTables:
         luminance = tables.lights["luminance"][of_mesh].astype(np.float64)
         two_sided = mesh.records["two_sided"][mesh.lights] != 0
         leaves = leaves.then(triangle_leaves(mesh.corners, luminance, two_sided, links[of_mesh]))
-    return replace(tables, tree=light_nodes(leaves, tables.analytic), boxes=boxes)
+    if not tables.placed.prototypes:
+        return replace(tables, tree=light_nodes(leaves, tables.analytic), boxes=boxes)
+    singles, placed = len(leaves), tables.placed
+    of_places = slice(tables.analytic + len(mesh.records), tables.finite)
+    luminance = tables.lights["luminance"][of_places].astype(np.float64)
+    for some in place_leaves(placed, luminance, links[of_places]):
+        leaves = leaves.then(some)
+    lower = [emitter_nodes(one, placed.records, luminance) for one in placed.prototypes]
+    tree, roots = two_levels(light_nodes(leaves, tables.analytic, singles), singles, lower)
+    return replace(tables, tree=tree, roots=roots, boxes=boxes)

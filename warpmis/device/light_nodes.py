@@ -49,12 +49,14 @@ ROWS = len(COLUMNS)
 EMPTY = -(2**31)
 
 
-def light_nodes(leaves: LightLeaves, analytic: int) -> LightNodes:
-    """A tree over one light or more, of which so many come first that are analytic ones."""
+def light_nodes(leaves: LightLeaves, analytic: int, singles: int | None = None) -> LightNodes:
+    """A tree over one light or more, of which so many come first that are analytic ones, and so many that are single
+    lights (None: all): those behind them are groups."""
     tree = binary_tree(leaves)
     lanes, children, paths = collapsed(tree, len(leaves))
     columns = np.zeros((ROWS, len(tree.child) + 1), np.float32)
-    columns[:, :-1] = columns_of(tree)  # the last one is that of no child, which shines nowhere
+    # The last column is that of no child, which shines nowhere.
+    columns[:, :-1] = columns_of(tree, len(leaves) if singles is None else singles)
     columns[COLUMNS.index("cos cone"), -1] = -1.0
     rows = columns[:, lanes].swapaxes(0, 1).reshape(-1, WIDTH)
     links = np.append(tree.links, np.uint32(0))[lanes].view(np.int32)
@@ -71,7 +73,7 @@ def lanes_with(tree: BinaryTree, lanes: IntArray, analytic: int) -> NDArray[np.i
     return bits
 
 
-def columns_of(tree: BinaryTree) -> NDArray[np.float32]:
+def columns_of(tree: BinaryTree, singles: int) -> NDArray[np.float32]:
     """COLUMNS of the binary tree's nodes, shape (ROWS, n)."""
     center = (0.5 * (tree.low + tree.high)).astype(np.float32)
     half = np.maximum(tree.high - center, center - tree.low)
@@ -80,7 +82,7 @@ def columns_of(tree: BinaryTree) -> NDArray[np.float32]:
     wide = tree.cone >= np.pi
     weight = np.clip(tree.weight, 1e-37, 1e37)
     # Of a single flat light an estimate of 0 is exact.
-    exact = (tree.child < 0) & (tree.directed > 0.0) & ~tree.two_sided
+    exact = (tree.child < 0) & (tree.child >= -singles) & (tree.directed > 0.0) & ~tree.two_sided
     return np.concatenate(
         [
             *(center.T, half.T, tree.mean.T),

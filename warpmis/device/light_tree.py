@@ -10,7 +10,7 @@ with boxes and cones in place of variances.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,10 +54,9 @@ class BinaryTree:
     links: NDArray[np.uint32]
 
 
-def binary_tree(leaves: LightLeaves) -> BinaryTree:
-    """A tree over one light or more."""
-    rows = 2 * len(leaves) - 1
-    tree = BinaryTree(
+def blank_tree(rows: int) -> BinaryTree:
+    """So many nodes of zeros."""
+    return BinaryTree(
         child=np.zeros(rows, np.int64),
         count=np.zeros(rows, np.int64),
         level=np.zeros(rows, np.int64),
@@ -66,6 +65,18 @@ def binary_tree(leaves: LightLeaves) -> BinaryTree:
         two_sided=np.zeros(rows, bool),
         links=np.zeros(rows, np.uint32),
     )
+
+
+def grouped(leaves: LightLeaves, starts: IntArray) -> LightLeaves:
+    """What a tree sees of groups of lights, each of which goes from its start to the next one's."""
+    tree = blank_tree(len(starts))
+    summarise(tree, 0, leaves, np.arange(len(leaves)), starts)
+    return LightLeaves(**{field.name: getattr(tree, field.name) for field in fields(LightLeaves)})
+
+
+def binary_tree(leaves: LightLeaves) -> BinaryTree:
+    """A tree over one light or more."""
+    tree = blank_tree(2 * len(leaves) - 1)
     order = np.arange(len(leaves))
     starts = np.array([0])  # where in `order` the nodes of this level begin
     level, first, made = 0, 0, 1

@@ -11,14 +11,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpmis.device.emitters import upload_emitters
 from warpmis.device.environment import distribution
 from warpmis.device.instances import largest_shrinking, place_primvars, upload_instances
 from warpmis.device.light import LightTables, light_tables
 from warpmis.device.light_control import control_view
 from warpmis.device.light_nodes import LightNodes
 from warpmis.device.material import MaterialTables, material_tables, upload_materials
-from warpmis.device.mesh import front_normals, padded_boxes
+from warpmis.device.mesh import front_normals
 from warpmis.device.order import first_use_order, morton_order
+from warpmis.device.place_lights import place_lights
 from warpmis.device.start import start_warp
 from warpmis.device.struct_arrays import blank, records
 from warpmis.device.trees import upload_trees
@@ -71,13 +73,13 @@ def upload(
     check_device(device)
     solids = uploads.solids_of(scene, device) if uploads else upload_solids(scene, device)
     geometry = solids.geometry
-    tables = light_tables(scene, solids.in_world)
+    tables = light_tables(scene, solids.in_world, place_lights(scene, geometry, solids.first))
     with wp.ScopedDevice(device):
         view = SceneView()
         for name, value in solids.fields.items():
             setattr(view, name, value)
         varying = upload_surfaces(view, scene, geometry, tables, uploads, device)
-        lights = upload_lights(view, geometry, tables, mis_compensation)
+        lights = upload_lights(view, solids, tables, mis_compensation)
         if ids:
             upload_ids(view, geometry)
         camera = camera_view(scene.camera, scene.resolution)
@@ -90,6 +92,7 @@ class Solids:
 
     Attributes:
         geometry: all of them, in the order in which they are there; in_world: those that stand in world space.
+        first: the triangles at which these and each prototype begin, and where the last one ends.
         fields: of a SceneView.
         owned: keeps alive what the fields point into.
         extent: the longest side of the box of all triangles [scene units].
@@ -97,6 +100,7 @@ class Solids:
 
     geometry: Geometry
     in_world: Geometry
+    first: list[int]
     fields: dict[str, Any]
     owned: tuple[Any, ...]
     extent: float
@@ -178,7 +182,7 @@ def upload_solids(scene: Scene, device: str) -> Solids:
         fields[trees.kind] = trees.handles[0]
         instances, owned = upload_instances(scene.prototypes, trees.kind, trees.handles[1:], first[1:-1], extent)
     arrays = [field for field in fields.values() if isinstance(field, wp.array)]
-    return Solids(geometry, parts[0], fields | instances, (*trees.owned, *owned, *arrays), extent)
+    return Solids(geometry, parts[0], first, fields | instances, (*trees.owned, *owned, *arrays), extent)
 
 
 def ordered(geometry: Geometry) -> Geometry:
@@ -215,7 +219,8 @@ def upload_surfaces(
     double_sided = np.array([prim.double_sided for prim in scene.prims] or [False], dtype=np.int32)
     material = geometry.materials * 2 + double_sided[geometry.prims]
     emitter = np.full(len(geometry.triangles), -1, dtype=np.int32)
-    emitter[tables.mesh.triangles] = np.arange(len(tables.mesh.triangles))
+    emitters = tables.emitter_triangles
+    emitter[emitters] = np.arange(len(emitters))
     front = front_normals(geometry.points, geometry.triangles)
     columns = {"n": front, "normals": geometry.normal_indices, "material": material, "emitter": emitter}
     view.triangles = records(TriangleView, columns, len(geometry.triangles))
@@ -225,7 +230,7 @@ def upload_surfaces(
     return upload_materials(view, materials, texels, geometry.primvars, places)
 
 
-def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:
+def upload_lights(view: SceneView, solids: Solids, tables: LightTables, mis_compensation: bool) -> tuple[Any, ...]:
     """The lights into the view; what it then points into is returned, to be kept alive."""
     view.light_count, view.delta_light_count = len(tables.lights), len(tables.delta_lights)
     view.finite_light_count, view.analytic_light_count = tables.finite, tables.analytic
@@ -237,7 +242,7 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
     controls = [control_view(control) for control in tables.controls] if any(c.asks for c in tables.controls) else []
     if controls:
         view.controls = wp.array(controls, dtype=ControlView)
-        view.prims = wp.array(geometry.prims, dtype=int)
+        view.prims = wp.array(solids.geometry.prims, dtype=int)
     if tables.environment is not None:
         view.dome = dome_view(tables, mis_compensation)
     if controls and tables.prim_links is not None:
@@ -245,7 +250,8 @@ def upload_lights(view: SceneView, geometry: Geometry, tables: LightTables, mis_
     if tables.point_tree is not None:
         view.delta_tree = tree_view(tables.point_tree)
         view.delta_brightest = tables.brightest_point
-    return (*upload_light_tree(view, tables), *upload_emitters(view, geometry, tables), controls)
+    emitters = upload_emitters(view, solids.geometry, tables, solids.extent)
+    return (*upload_light_tree(view, tables), *emitters, controls)
 
 
 def tree_view(nodes: LightNodes) -> LightTreeView:
@@ -266,20 +272,6 @@ def upload_light_tree(view: SceneView, tables: LightTables) -> list[wp.Bvh]:
         return []
     tree = wp.Bvh(*(wp.array(corners, dtype=wp.vec3) for corners in tables.boxes))
     view.light_bvh = tree.id
-    return [tree]
-
-
-def upload_emitters(view: SceneView, geometry: Geometry, tables: LightTables) -> list[wp.Bvh]:
-    """The triangles of mesh lights."""
-    emitters = tables.mesh
-    if len(emitters.triangles) == 0:
-        return []
-    view.emitter_triangles = wp.array(emitters.triangles, dtype=int)
-    view.emitter_lights = wp.array((tables.analytic + emitters.lights).astype(np.int32), dtype=int)
-    view.emitter_cdf = wp.array(emitters.cdf, dtype=float)
-    low, high = padded_boxes(geometry.points, geometry.triangles[emitters.triangles])
-    tree = wp.Bvh(wp.array(low, dtype=wp.vec3), wp.array(high, dtype=wp.vec3))
-    view.emitter_bvh = tree.id
     return [tree]
 
 

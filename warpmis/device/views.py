@@ -4,6 +4,7 @@ import warp as wp
 
 from warpmis.device.aov_views import AovView
 from warpmis.device.cache_views import CacheView
+from warpmis.device.instance_views import EmitterPlaceView, InstanceView
 from warpmis.device.texel_views import TileView
 
 # Kinds of light. Each is a branch of the kernels that a scene without that kind does not compile.
@@ -272,24 +273,6 @@ class LightTreeView:
 
 
 @wp.struct
-class InstanceView:
-    """A place of a prototype, whose triangles are the rows of SceneView.triangles from `first_triangle` on.
-
-    mesh, root: as in SceneView; linear, translation: a point p of the mesh is at linear p + translation; inverse: of
-    `linear`; prim, copy: in place of SceneView.prims and copies.
-    """
-
-    mesh: wp.uint64
-    root: int
-    first_triangle: int
-    prim: int
-    copy: int
-    linear: wp.mat33
-    translation: wp.vec3
-    inverse: wp.mat33
-
-
-@wp.struct
 class SceneView:
     """The whole scene.
 
@@ -298,7 +281,9 @@ class SceneView:
     triangles in world space begins. instance_bvh: over the boxes of `instances`, of which there may be none. lights:
     first those at a distance, finite_light_count of them, then those at infinity; the first analytic_light_count are no
     mesh lights. emitter_triangles: the mesh lights' triangles; emitter_lights: the light of each; emitter_cdf: the
-    cumulative share of that light's area. light_tree: of many lights, over the analytic ones and emitter_triangles;
+    cumulative share of that light's area. Those of prototypes follow, with a number among the lights of their place:
+    emitter_places, whose boxes emitter_place_bvh holds; place_of_instance: the row there of each instance, or -1.
+    light_tree: of many lights, over the analytic ones, emitter_triangles and emitter_places (device/place_lights.py);
     light_bvh: on a GPU, over the boxes of the analytic ones; prim_links: per prim the bits of the lights that reach it.
     delta_lights: first the points, delta_point_count of them; delta_tree: over many points, whose weights are shares of
     delta_brightest. controls: one for each of `lights`, then one for each of `delta_lights`, or none; prims: per
@@ -339,6 +324,9 @@ class SceneView:
     emitter_triangles: wp.array(dtype=int)
     emitter_lights: wp.array(dtype=int)
     emitter_cdf: wp.array(dtype=float)
+    emitter_places: wp.array(dtype=EmitterPlaceView)
+    emitter_place_bvh: wp.uint64
+    place_of_instance: wp.array(dtype=int)
     dome: DomeView
     cache: wp.array(dtype=CacheView)
     aov: wp.array(dtype=AovView)

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import InstanceView, SceneView
+from warpmis.device.instance_views import InstanceView
+from warpmis.device.views import SceneView
 from warpmis.kernels.hit import NO_INSTANCE, OFFSET, Hit, face_forward, inner_point, inset_of
 from warpmis.kernels.shading_frame import max_abs
 from warpmis.kernels.wide_tree import NO_FACE

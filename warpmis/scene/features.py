@@ -35,7 +35,8 @@ class Features:
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays straight through.
         transmission: dielectric interfaces that refract; absorption: within some of them light is lost.
-        instances: prototypes that are traced through the transforms of their places.
+        instances: prototypes that are traced through the transforms of their places; emissive_instances: of some of
+            them triangles emit.
         shading_normals: normals that differ from the triangle's.
         textures, vertex_colors: material inputs that are pictures, or primvars; normal_maps: normals from pictures.
         orthographic, depth_of_field, clipping: cameras other than a pinhole; clipping planes.
@@ -72,6 +73,7 @@ class Features:
     transmission: bool = False
     absorption: bool = False
     instances: bool = False
+    emissive_instances: bool = False
     shading_normals: bool = False
     textures: bool = False
     vertex_colors: bool = False
@@ -150,8 +152,17 @@ def has_point_tree(scene: Scene) -> bool:
     return sum(is_delta(light) and not isinstance(light, DistantLight) for light in scene.lights) > FEW_LIGHTS
 
 
+def has_emissive_instances(scene: Scene) -> bool:
+    """Whether triangles of prototypes emit."""
+    emits = np.array([is_emissive(material) for material in scene.materials] or [False])
+    return any(bool(emits[prototype.geometry.materials].any()) for prototype in scene.prototypes)
+
+
 def has_light_tree(scene: Scene) -> bool:
-    """Whether the lights of an extent at a distance, triangles that emit among them, are too many for that."""
+    """Whether the lights of an extent at a distance, triangles that emit among them, are too many for that. Those of
+    prototypes are never weighed one by one."""
+    if has_emissive_instances(scene):
+        return True
     emits = np.array([is_emissive(material) for material in scene.materials] or [False])
     triangles = int(emits[scene.geometry.materials].sum()) if len(scene.geometry.materials) else 0
     at_infinity = DistantLight | DomeLight
@@ -203,6 +214,7 @@ def detect(scene: Scene) -> Features:
         transmission=any(m.transmission > 0.0 for m in used),
         absorption=any(m.transmission > 0.0 and m.transmission_depth > 0.0 and not m.thin_walled for m in used),
         instances=bool(scene.prototypes),
+        emissive_instances=has_emissive_instances(scene),
         shading_normals=any(bool((part.normal_indices >= 0).any()) for part in scene.parts),
         textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
         vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),

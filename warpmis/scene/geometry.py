@@ -106,8 +106,7 @@ class Prototype:
     """Triangles that stand in several places and are traced through the places' transforms.
 
     Attributes:
-        geometry: in the prototype's own space, one triangle at least. None of its materials emits: what shines is
-            flattened, for a light must know its place.
+        geometry: in the prototype's own space, one triangle at least.
         linear, translation: of each place, where a point p of the geometry is: linear @ p + translation
             [scene units], shapes (k, 3, 3) and (k, 3) float64. `linear` is invertible, and may mirror.
         prims: of each place the index into Scene.prims, shape (k,) int32; it stands for that of the triangles.

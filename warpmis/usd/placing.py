@@ -22,6 +22,9 @@ MAX_ROWS = 2**31 - 1
 # while the scene is read and uploaded. One tree of all triangles serves instances that overlap better than two levels;
 # instances that stand apart were traced alike (scripts/bench/instances.py writes such a stage).
 MAX_COPIES = 1 << 20
+# The same of triangles that emit, which the choice among lights makes three times as large. Where they are chosen by a
+# tree over places and one over a place's triangles, they are in memory once, too.
+MAX_EMISSIVE_COPIES = 1 << 14
 # Places that stretch one direction so much more than another are flattened: float32 would carry rays too coarsely.
 MAX_STRETCH = 1e3
 
@@ -81,13 +84,13 @@ class GeometryBuilder:
 
     Attributes:
         parts: in the stage's order, what stands in one place and is flattened already, and what may stand in several.
-        shared: those of the latter that further prims join, by their surface and shading.
+        shared: those of the latter that further prims join, by their surface, sidedness and shading.
     """
 
     reading: Reading
     prims: list[Prim] = field(default_factory=list)
     parts: list[Geometry | Places] = field(default_factory=list)
-    shared: dict[tuple[int, bytes], Places] = field(default_factory=dict)
+    shared: dict[tuple[int, bool, bytes], Places] = field(default_factory=dict)
 
     def add(
         self, prim: Prim, surface: Surface, shading: Shading, matrices: FloatArray, is_shared: bool = False
@@ -103,7 +106,7 @@ class GeometryBuilder:
             places.add(matrices, number, shading.places)
             self.parts.append(self._flattened(places))
             return
-        key = (id(surface), digest(shading))
+        key = (id(surface), prim.double_sided, digest(shading))
         if key not in self.shared:
             self.shared[key] = Places(surface, shading)
             self.parts.append(self.shared[key])
@@ -176,11 +179,18 @@ class GeometryBuilder:
 
 
 def traced_through(parts: Sequence[Places], emits: NDArray[np.bool_]) -> set[Places]:
-    """Those with the most copies, until the copies of all others are at most MAX_COPIES; none that emits light."""
-    dark = [part for part in parts if not emits[part.shading.materials].any()]
-    smallest_first = sorted(dark, key=lambda part: part.copies)
+    """Those with the most copies, until the copies of all others are at most MAX_COPIES; and of those that emit light
+    at most MAX_EMISSIVE_COPIES."""
+    lit = [part for part in parts if emits[part.shading.materials].any()]
+    bright = with_most_copies(lit, MAX_EMISSIVE_COPIES)
+    return bright | with_most_copies([part for part in parts if part not in bright], MAX_COPIES)
+
+
+def with_most_copies(parts: Sequence[Places], most: int) -> set[Places]:
+    """Those with the most copies, until the copies of all others are at most so many."""
+    smallest_first = sorted(parts, key=lambda part: part.copies)
     copies = np.cumsum([part.copies for part in smallest_first])
-    return {part for part, total in zip(smallest_first, copies, strict=True) if total > MAX_COPIES}
+    return {part for part, total in zip(smallest_first, copies, strict=True) if total > most}
 
 
 def stretch(matrices: FloatArray) -> FloatArray:

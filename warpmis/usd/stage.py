@@ -164,8 +164,9 @@ def _read_scene(reading: Reading, settings: Settings, camera: str | None, width:
         hidden = sum(prim.IsA(UsdGeom.Gprim) for prim in reading.stage.Traverse()) - len(contents.boxes)
         there = f"; {hidden} gprims are invisible, of another purpose or left out" if hidden > 0 else ""
         raise StageError(f"the stage is empty: no visible geometry or light of purpose {purposes}{there}", name)
-    # What is traced through transforms does not emit.
-    emissive = any(max(materials[index].mean_emission) > 0.0 for index in np.unique(geometry.materials))
+    parts = (geometry, *(prototype.geometry for prototype in prototypes))
+    used = np.unique(np.concatenate([part.materials for part in parts]))
+    emissive = any(max(materials[index].mean_emission) > 0.0 for index in used)
     if not contents.light_prims and not emissive:
         contents.lights.append(DomeLight("", np.eye(3), np.ones(3)))
         reading.note("the stage has no light: a dome of radiance 1 is used")
@@ -243,11 +244,12 @@ class StageContents:
         double_sided = bool(self.reading.get(UsdGeom.Gprim(prim).GetDoubleSidedAttr(), False))
         if prim.HasAPI(UsdLux.LightAPI):
             self.light_prims += 1
+            is_shared = bool(prim.IsInstanceProxy()) or len(placement.matrices) > 1
             for row, matrix in enumerate(placement.matrices):
                 scopes = tuple(scope.of_places([row]) for scope in placement.scopes)
                 shading, control = read_mesh_light(prim, surface, matrix, scopes, self.materials, self.reading)
                 light = Prim(str(prim.GetPath()), double_sided, control, is_light=True)
-                self._place(light, surface, shading, matrix[None])
+                self._place(light, surface, shading, matrix[None], is_shared)
             return
         shading = self.materials.of_surface(prim, surface, placement.scopes)
         is_shared = bool(prim.IsInstanceProxy())

@@ -44,6 +44,11 @@ FUNCTIONS = {
     "shadow_links": ("make_intersect__locals__has_shadow_link",),
     "clearcoat": ("coat_albedo",),
     "smooth": ("make_events__locals__choose",),
+    "emissive_instances": (
+        "make_choice__locals__choose_in_place",
+        "receiver_in_place",
+        "make_on_ray__locals__pdf_emitters_of_places",
+    ),
     "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
     "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__transparency"),
     "transmission": ("sample_interface", "pane_transmittance"),

@@ -12,9 +12,11 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import DISK, DISTANT, DOME, RECT, SPHERE, LightView, SceneView, vec8f
+from warpmis.kernels.hit import NO_INSTANCE
 from warpmis.kernels.lanes import splat8
+from warpmis.kernels.light.place import first_place_leaf, make_place, receiver_in_place
 from warpmis.kernels.light.records import NO_LIGHT, LightChoice, Receiver
-from warpmis.kernels.light.tree import make_light_tree
+from warpmis.kernels.light.tree import LeafChoice, make_light_tree
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.warps import PI
 from warpmis.scene.features import Features
@@ -67,9 +69,10 @@ def density(of_light: float, total: float) -> float:
 
 
 def make_choice(features: Features) -> SimpleNamespace:
-    """Functions: has_tree, first_weighed, importance, importance_of, leaf_importance, choose, choose_from_tree,
-    receiver; and those of `tree`."""
+    """Functions: has_tree, first_weighed, importance, importance_of, leaf_importance, emitter_importance, choose,
+    choose_from_tree, receiver; and those of `tree`."""
     tree = make_light_tree(features)
+    places = make_place(features)
 
     @wp.func
     def has_tree(scene: SceneView) -> bool:
@@ -97,6 +100,21 @@ def make_choice(features: Features) -> SimpleNamespace:
         return r.finite * tree.leaf_pmf(scene.light_tree, r, leaf)
 
     @wp.func
+    def emitter_importance(scene: SceneView, r: Receiver, emitter: int, instance: int) -> float:
+        """Of a mesh light's triangle in the tree, where it stands."""
+        if wp.static(features.emissive_instances):
+            if instance != NO_INSTANCE:
+                place = scene.place_of_instance[instance]
+                of_place = leaf_importance(scene, r, first_place_leaf(scene) + place)
+                if of_place <= 0.0:
+                    return 0.0
+                local = receiver_in_place(scene, r, instance)
+                root = scene.emitter_places[place].root
+                leaf = scene.analytic_light_count + emitter
+                return of_place * tree.leaf_pmf_below(scene.light_tree, local, root, leaf)
+        return leaf_importance(scene, r, scene.analytic_light_count + emitter)
+
+    @wp.func
     def importance_of(scene: SceneView, r: Receiver, index: int) -> float:
         """Of any light but a mesh light in the tree, by its index."""
         if wp.static(features.light_tree):
@@ -118,6 +136,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         c = LightChoice()
         c.light = NO_LIGHT
         c.emitter = -1
+        c.instance = NO_INSTANCE
         reached = float(before)
         for i in range(first, end):
             of_light = importance(scene, scene.lights[i], r)
@@ -132,10 +151,26 @@ def make_choice(features: Features) -> SimpleNamespace:
         return c
 
     @wp.func
+    def choose_in_place(scene: SceneView, r: Receiver, place: int, chosen: LeafChoice) -> LeafChoice:
+        """One of the emitters of the place that was chosen."""
+        local = receiver_in_place(scene, r, scene.emitter_places[place].instance)
+        root = scene.emitter_places[place].root
+        of_root = tree.importances(scene.light_tree, root, local)
+        leaf = tree.descend(scene.light_tree, local, root, of_root, chosen.left)
+        leaf.pmf *= chosen.pmf
+        return leaf
+
+    @wp.func
     def choose_from_tree(scene: SceneView, r: Receiver, of_root: vec8f, u: float) -> LightChoice:
         """One of the lights in the tree; of_root: importances of the root's children."""
         leaf = tree.choose_leaf(scene.light_tree, r, of_root, u)
         c = LightChoice()
+        c.instance = NO_INSTANCE
+        if wp.static(features.emissive_instances):
+            place = leaf.leaf - first_place_leaf(scene)
+            if place >= 0:
+                c.instance = scene.emitter_places[place].instance
+                leaf = choose_in_place(scene, r, place, leaf)
         c.light = leaf.leaf
         c.emitter = -1
         c.importance = r.finite * leaf.pmf
@@ -143,7 +178,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         if wp.static(features.mesh_light):
             if leaf.leaf >= scene.analytic_light_count:
                 c.emitter = leaf.leaf - scene.analytic_light_count
-                c.light = scene.emitter_lights[c.emitter]
+                c.light = places.light_of(scene, c.emitter, c.instance)
         return c
 
     @wp.func
@@ -192,6 +227,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         importance=importance,
         importance_of=importance_of,
         leaf_importance=leaf_importance,
+        emitter_importance=emitter_importance,
         choose=choose,
         choose_from_tree=choose_from_tree,
         tree=tree,

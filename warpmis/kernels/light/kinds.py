@@ -24,9 +24,9 @@ def make_kinds(features: Features) -> SimpleNamespace:
 
     @wp.func
     def sample_light(
-        scene: SceneView, light: LightView, emitter: int, x: wp.vec3, n: wp.vec3, u: wp.vec4
+        scene: SceneView, light: LightView, emitter: int, instance: int, x: wp.vec3, n: wp.vec3, u: wp.vec4
     ) -> LightSample:
-        """A direction towards one light, or one of its triangles. Density: given that it was chosen."""
+        """A direction towards one light, or one of its triangles in a place. Density: given that it was chosen."""
         s = LightSample()
         if wp.static(features.rect_light):
             if light.kind == RECT:
@@ -51,7 +51,7 @@ def make_kinds(features: Features) -> SimpleNamespace:
                 s = sample_dome_constant(scene.dome, n, u[1], u[2])
         if wp.static(features.mesh_light):
             if light.kind == MESH:
-                s = mesh.sample(scene, light, emitter, x, u)
+                s = mesh.sample(scene, light, emitter, instance, x, u)
         return s
 
     @wp.func

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import LightView, SceneView
-from warpmis.kernels.hit import NO_INSTANCE
 from warpmis.kernels.light.dome import upper_bound
+from warpmis.kernels.light.place import Emitter, area_of, make_place
 from warpmis.kernels.light.records import LightSample
 from warpmis.kernels.material import make_material
 from warpmis.kernels.warps import square_to_triangle
@@ -38,31 +38,20 @@ def pdf_mesh(light: LightView, area: float, normal: wp.vec3, wi: wp.vec3, distan
 
 
 @wp.func
-def triangle_area(scene: SceneView, triangle: int) -> float:
-    corners = scene.indices[triangle]
-    p0 = scene.points[corners[0]]
-    return 0.5 * wp.length(wp.cross(scene.points[corners[1]] - p0, scene.points[corners[2]] - p0))
-
-
-@wp.func
-def hit_emitter_triangle(scene: SceneView, triangle: int, x: wp.vec3, wi: wp.vec3) -> float:
+def hit_emitter_triangle(emitter: Emitter, x: wp.vec3, wi: wp.vec3) -> float:
     """The distance at which the ray meets the triangle; negative: it does not.
 
     Reference: Moller and Trumbore (1997), "Fast, Minimum Storage Ray-Triangle Intersection".
     """
-    corners = scene.indices[triangle]
-    p0 = scene.points[corners[0]]
-    e1 = scene.points[corners[1]] - p0
-    e2 = scene.points[corners[2]] - p0
-    p = wp.cross(wi, e2)
-    determinant = wp.dot(e1, p)
+    p = wp.cross(wi, emitter.e2)
+    determinant = wp.dot(emitter.e1, p)
     if determinant == 0.0:
         return -1.0
-    o = x - p0
+    o = x - emitter.p0
     b1 = wp.dot(o, p) / determinant
-    q = wp.cross(o, e1)
+    q = wp.cross(o, emitter.e1)
     b2 = wp.dot(wi, q) / determinant
-    t = wp.dot(e2, q) / determinant
+    t = wp.dot(emitter.e2, q) / determinant
     if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
         return -1.0
     return t
@@ -71,32 +60,30 @@ def hit_emitter_triangle(scene: SceneView, triangle: int, x: wp.vec3, wi: wp.vec
 def make_mesh(features: Features) -> SimpleNamespace:
     """The mesh lights' sampler for the materials in `features`."""
     materials = make_material(features)
+    places = make_place(features)
 
     @wp.func
-    def sample(scene: SceneView, light: LightView, emitter: int, x: wp.vec3, u: wp.vec4) -> LightSample:
+    def sample(scene: SceneView, light: LightView, emitter: int, instance: int, x: wp.vec3, u: wp.vec4) -> LightSample:
         """A direction towards that row of emitter_triangles, or with -1 towards one that u[3] chooses by area."""
         s = LightSample()
         row = emitter
         if emitter < 0:
             row = light.first + upper_bound(scene.emitter_cdf, light.first, light.count, u[3])
-        triangle = scene.emitter_triangles[row]
-        corners = scene.indices[triangle]
-        p0 = scene.points[corners[0]]
-        e1 = scene.points[corners[1]] - p0
-        e2 = scene.points[corners[2]] - p0
+        found = places.emitter_at(scene, row, instance)
         b = square_to_triangle(u[1], u[2])
-        to_light = p0 + e1 * b[0] + e2 * b[1] - x
+        to_light = found.p0 + found.e1 * b[0] + found.e2 * b[1] - x
         s.distance = wp.length(to_light)
         if s.distance == 0.0:
             return s
         s.wi = to_light / s.distance
         area = light.area
         if emitter >= 0:
-            area = triangle_area(scene, triangle)
-        s.pdf_solid_angle = pdf_mesh(light, area, scene.triangles[triangle].n, s.wi, s.distance)
+            area = area_of(found)
+        s.pdf_solid_angle = pdf_mesh(light, area, found.n, s.wi, s.distance)
         s.radiance = light.radiance
         if wp.static(features.textures or features.vertex_colors):
-            s.radiance = materials.at(scene, triangle, NO_INSTANCE, 1.0 - b[0] - b[1], b[0]).emission
+            triangle = scene.emitter_triangles[row]
+            s.radiance = materials.at(scene, triangle, instance, 1.0 - b[0] - b[1], b[0]).emission
         return s
 
     return SimpleNamespace(sample=sample)

@@ -5,13 +5,16 @@ from types import SimpleNamespace
 import warp as wp
 
 from warpmis.device.views import DOME, MESH, LightTreeView, SceneView
+from warpmis.kernels.hit import NO_INSTANCE
+from warpmis.kernels.instances import nonzero
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.lanes import first_set_bit, mask_less_equal, max8, min8, splat8
 from warpmis.kernels.light.choice import density
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.dome import dome_pdf, dome_radiance, dome_uv, pdf_dome_constant
-from warpmis.kernels.light.mesh_light import hit_emitter_triangle, pdf_mesh, triangle_area
+from warpmis.kernels.light.mesh_light import hit_emitter_triangle, pdf_mesh
 from warpmis.kernels.light.met import keep_emission
+from warpmis.kernels.light.place import area_of, direction_in_place, make_place, origin_in_place
 from warpmis.kernels.light.records import NO_LIGHT, LightHit, RayStretch, Receiver
 from warpmis.kernels.light.tree import CENTER, HALF, ROWS
 from warpmis.kernels.medium import transmittance
@@ -61,35 +64,61 @@ def boxes_on_ray(tree: LightTreeView, node: int, ray: SlabRay, reach: float) -> 
 def make_on_ray(
     features: Features, choice: SimpleNamespace, kinds: SimpleNamespace, control: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions: gather, emitter_density, pdf_emitter_triangles."""
+    """Functions: gather, emitter_density, pdf_emitter_triangles, light_of_emitter."""
     intersect = make_intersect(features)
+    places = make_place(features)
 
     @wp.func
     def emitter_density(
-        scene: SceneView, r: Receiver, emitter: int, normal: wp.vec3, wi: wp.vec3, distance: float
+        scene: SceneView, r: Receiver, emitter: int, instance: int, normal: wp.vec3, wi: wp.vec3, distance: float
     ) -> float:
         """Density times importance of a mesh light's triangle for wi, which meets it at this distance."""
-        light = scene.lights[scene.emitter_lights[emitter]]
+        light = scene.lights[places.light_of(scene, emitter, instance)]
         if wp.static(features.light_tree):
             if choice.has_tree(scene):
-                area = triangle_area(scene, scene.emitter_triangles[emitter])
-                of_triangle = choice.leaf_importance(scene, r, scene.analytic_light_count + emitter)
+                area = area_of(places.emitter_at(scene, emitter, instance))
+                of_triangle = choice.emitter_importance(scene, r, emitter, instance)
                 return pdf_mesh(light, area, normal, wi, distance) * of_triangle
         return pdf_mesh(light, light.area, normal, wi, distance) * choice.importance(scene, light, r)
+
+    @wp.func
+    def density_if_met(scene: SceneView, r: Receiver, emitter: int, instance: int, wi: wp.vec3) -> float:
+        """The same of a triangle wherever the line meets it; 0 where it does not."""
+        found = places.emitter_at(scene, emitter, instance)
+        distance = hit_emitter_triangle(found, r.x, wi)
+        if distance <= 0.0:
+            return 0.0
+        return emitter_density(scene, r, emitter, instance, found.n, wi, distance)
+
+    @wp.func
+    def pdf_emitters_of_places(scene: SceneView, r: Receiver, wi: wp.vec3) -> float:
+        """pdf_emitter_triangles of prototypes' triangles in their places."""
+        pdf = float(0.0)
+        if scene.emitter_place_bvh == wp.uint64(0):
+            return pdf
+        query = wp.bvh_query_ray(scene.emitter_place_bvh, r.x, nonzero(wi))
+        row = int(0)
+        while wp.bvh_query_next(query, row):
+            place = scene.emitter_places[row]
+            start = origin_in_place(scene, place.instance, r.x)
+            inside = wp.bvh_query_ray(place.bvh, start, direction_in_place(scene, place.instance, wi))
+            emitter = int(0)
+            while wp.bvh_query_next(inside, emitter):
+                pdf += density_if_met(scene, r, place.first_emitter + emitter, place.instance, wi)
+        return pdf
 
     @wp.func
     def pdf_emitter_triangles(scene: SceneView, r: Receiver, wi: wp.vec3) -> float:
         """Density times importance of the mesh lights for wi: every triangle on the line counts, hidden or not."""
         pdf = float(0.0)
+        if wp.static(features.emissive_instances):
+            pdf += pdf_emitters_of_places(scene, r, wi)
         if scene.emitter_bvh == wp.uint64(0):
             return pdf
         query = wp.bvh_query_ray(scene.emitter_bvh, r.x, wi)
         emitter = int(0)
         while wp.bvh_query_next(query, emitter):
-            triangle = scene.emitter_triangles[emitter]
-            distance = hit_emitter_triangle(scene, triangle, r.x, wi)
-            if distance > 0.0:
-                pdf += emitter_density(scene, r, emitter, scene.triangles[triangle].n, wi, distance)
+            pdf += density_if_met(scene, r, emitter, NO_INSTANCE, wi)
         return pdf
 
     @wp.func
@@ -255,4 +284,9 @@ def make_on_ray(
                 ray = with_light(scene, r, stretch, i, h, ray)
         return ray
 
-    return SimpleNamespace(gather=gather, emitter_density=emitter_density, pdf_emitter_triangles=pdf_emitter_triangles)
+    return SimpleNamespace(
+        gather=gather,
+        emitter_density=emitter_density,
+        light_of_emitter=places.light_of,
+        pdf_emitter_triangles=pdf_emitter_triangles,
+    )

@@ -24,11 +24,13 @@ class LightSample:
 class LightChoice:
     """A light's index, or NO_LIGHT; its importance; and the number that chose it, remapped to [0, 1).
 
-    emitter: where a triangle of a mesh light was chosen, its row in SceneView.emitter_triangles, else -1.
+    emitter: where a triangle of a mesh light was chosen, its row in SceneView.emitter_triangles, else -1; instance: the
+    row in SceneView.instances of the place that it stands in, or NO_INSTANCE.
     """
 
     light: int
     emitter: int
+    instance: int
     importance: float
     u_remapped: float
 

@@ -21,7 +21,7 @@ wp.set_module_options({"enable_backward": False})
 
 def make_lights(features: Features) -> SimpleNamespace:
     """Light functions for the kinds in `features`: receiver, importance_of, density, sample, sample_finite,
-    sample_infinite, sample_light, hit, gather, emitter_density, pdf_emitter_triangles; and those of
+    sample_infinite, sample_light, hit, gather, emitter_density, light_of_emitter, pdf_emitter_triangles; and those of
     `control` and `tree`."""
     chooser = make_choice(features)
     kinds = make_kinds(features)
@@ -34,7 +34,7 @@ def make_lights(features: Features) -> SimpleNamespace:
         none if no light was."""
         s = LightSample()
         if c.light != NO_LIGHT:
-            s = kinds.sample_light(scene, scene.lights[c.light], c.emitter, r.x, r.n, u)
+            s = kinds.sample_light(scene, scene.lights[c.light], c.emitter, c.instance, r.x, r.n, u)
             s.light = c.light
             s.pdf_of_light = s.pdf_solid_angle
             s.pdf_solid_angle = s.pdf_of_light * (c.importance / total)
@@ -77,6 +77,7 @@ def make_lights(features: Features) -> SimpleNamespace:
         hit=kinds.hit,
         gather=on_ray.gather,
         emitter_density=on_ray.emitter_density,
+        light_of_emitter=on_ray.light_of_emitter,
         pdf_emitter_triangles=on_ray.pdf_emitter_triangles,
         control=control,
         tree=chooser.tree,

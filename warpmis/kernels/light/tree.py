@@ -56,11 +56,13 @@ FINE_STEP = wp.constant(2.0**-24)
 
 @wp.struct
 class LeafChoice:
-    """A leaf of the tree, or -1; its probability; and the number that chose it, remapped to [0, 1)."""
+    """A leaf of the tree, or -1; its probability; and the number that chose it, remapped to [0, 1), also with all its
+    digits, as `left`."""
 
     leaf: int
     pmf: float
     u_remapped: float
+    left: wp.float64
 
 
 @wp.func
@@ -155,7 +157,7 @@ def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) 
 
 
 def make_light_tree(features: Features) -> SimpleNamespace:
-    """Functions of the tree: importances, choose_leaf, leaf_pmf."""
+    """Functions of the tree: importances, choose_leaf, leaf_pmf; and of a part of it: descend, leaf_pmf_below."""
 
     @wp.func
     def importances(tree: LightTreeView, node: int, r: Receiver) -> vec8f:
@@ -171,17 +173,13 @@ def make_light_tree(features: Features) -> SimpleNamespace:
         return found
 
     @wp.func
-    def choose_leaf(tree: LightTreeView, r: Receiver, of_root: vec8f, u: float) -> LeafChoice:
-        """A light by the number u, whose last digits, which many turns use up, come from r.u_fine; leaf -1 where none
-        brings anything. of_root: importances of the root's children."""
+    def descend(tree: LightTreeView, r: Receiver, root: int, of_root: vec8f, u: wp.float64) -> LeafChoice:
+        """A leaf below the node `root` by the number u; of_root: importances of its children, some above 0."""
         c = LeafChoice()
-        c.leaf = -1
         c.pmf = 1.0
-        left = wp.float64(u) + wp.float64(r.u_fine) * wp.float64(FINE_STEP)
-        node = int(0)
+        left = u
+        node = int(root)
         found = of_root
-        if not any_above(found, 0.0):
-            return c
         while node >= 0:
             pick = pick_lane(found, left)
             left = wp.clamp(pick[1], wp.float64(0.0), wp.float64(1.0))
@@ -190,15 +188,28 @@ def make_light_tree(features: Features) -> SimpleNamespace:
             if node >= 0:
                 found = importances(tree, node, r)
         c.leaf = -1 - node
+        c.left = left
         c.u_remapped = wp.clamp(float(left), 0.0, ONE_MINUS_EPSILON)
         return c
 
     @wp.func
-    def leaf_pmf(tree: LightTreeView, r: Receiver, leaf: int) -> float:
-        """The probability with which choose_leaf takes the leaf."""
+    def choose_leaf(tree: LightTreeView, r: Receiver, of_root: vec8f, u: float) -> LeafChoice:
+        """A light by the number u, whose last digits, which many turns use up, come from r.u_fine; leaf -1 where none
+        brings anything. of_root: importances of the root's children."""
+        if not any_above(of_root, 0.0):
+            c = LeafChoice()
+            c.leaf = -1
+            c.pmf = 1.0
+            return c
+        left = wp.float64(u) + wp.float64(r.u_fine) * wp.float64(FINE_STEP)
+        return descend(tree, r, 0, of_root, left)
+
+    @wp.func
+    def leaf_pmf_below(tree: LightTreeView, r: Receiver, root: int, leaf: int) -> float:
+        """The probability with which `descend` takes the leaf."""
         pmf = float(1.0)
         path = tree.paths[leaf]
-        node = int(0)
+        node = int(root)
         while node >= 0:
             found = importances(tree, node, r)
             if not any_above(found, 0.0):
@@ -209,4 +220,15 @@ def make_light_tree(features: Features) -> SimpleNamespace:
             node = tree.child_nodes[8 * node + turn]
         return pmf
 
-    return SimpleNamespace(importances=importances, choose_leaf=choose_leaf, leaf_pmf=leaf_pmf)
+    @wp.func
+    def leaf_pmf(tree: LightTreeView, r: Receiver, leaf: int) -> float:
+        """The probability with which choose_leaf takes the leaf."""
+        return leaf_pmf_below(tree, r, 0, leaf)
+
+    return SimpleNamespace(
+        importances=importances,
+        choose_leaf=choose_leaf,
+        leaf_pmf=leaf_pmf,
+        descend=descend,
+        leaf_pmf_below=leaf_pmf_below,
+    )

@@ -74,12 +74,13 @@ def make_emission(
         if wp.static(features.absorption):
             emission = wp.cw_mul(emission, arriving(path, hit, material))
         if wp.static(features.controlled):
-            emission = controlled(scene, path, scene.emitter_lights[emitter], emission)
+            light = lights.light_of_emitter(scene, emitter, hit.instance)
+            emission = controlled(scene, path, light, emission)
         if path.weighs_emission:
-            of_light = lights.emitter_density(scene, path.receiver, emitter, hit.ng, path.wi, distance)
+            of_light = lights.emitter_density(scene, path.receiver, emitter, hit.instance, hit.ng, path.wi, distance)
             emission = emission * balance_weight(path.pdf, density(of_light, path.receiver.total))
         if wp.static(features.keeps_light_apart):
-            light = scene.emitter_lights[emitter]
+            light = lights.light_of_emitter(scene, emitter, hit.instance)
             share = lights.control.diffuse_share(scene, light, path.receiver.diffuse)
             keep_emission(scene, path.receiver, light, emission, share)
         return emission

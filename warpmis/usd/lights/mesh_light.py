@@ -39,7 +39,8 @@ def read_mesh_light(
     warn_unhonoured(prim, reading)
     mode = str(reading.get(prim.GetAttribute("light:materialSyncMode"), "noMaterialResponse"))
     if mode not in ("materialGlowTintsLight", "independent"):
-        return _all_of(surface, materials.index(shining_black(str(prim.GetPath()), radiance))), control
+        index = materials.shared_index if prim.IsInstanceProxy() else materials.index
+        return _all_of(surface, index(shining_black(str(prim.GetPath()), radiance))), control
     shading = materials.of_surface(prim, surface, scopes)
     if mode == "independent":
         reading.warn(prim.GetPath(), "materialSyncMode independent: the camera sees the light's color, too")
