@@ -362,6 +362,37 @@ def test_disneys_surface_is_a_graph_of_the_library(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen["specular_f0"][0], 0.75 * 0.04 + 0.25 * np.array([0.5, 0.25, 1]), rtol=1e-4)
 
 
+def test_shapes_of_the_library_are_graphs_of_coordinates(tmp_path: Path) -> None:
+    """A circle, and a ramp of three colors: drawn from coordinates, texel by texel."""
+    connected = '<input name="base_color" type="color3" nodename="C" />'
+    circle = """<circle name="O" type="float">
+    <input name="center" type="vector2" value="0.5, 0.5" />
+    <input name="radius" type="float" value="0.25" />
+  </circle>
+  <convert name="C" type="color3"><input name="in" type="float" nodename="O" /></convert>"""
+    document(tmp_path / "look.mtlx", with_color(connected, circle))
+    scene = load_stage(stage(tmp_path))
+    assert scene.warnings == ()
+    found = seen_at(scene, [(0.5, 0.5), (0.65, 0.5), (0.85, 0.5), (0.7, 0.7)])["diffuse"][:, 0]
+    np.testing.assert_allclose(found, [1, 1, 0, 0], atol=1e-4)
+    ramp = """<ramp name="R" type="color4">
+    <input name="num_intervals" type="integer" value="3" />
+    <input name="interval1" type="float" value="0" />
+    <input name="color1" type="color4" value="1, 0, 0, 1" />
+    <input name="interval2" type="float" value="0.5" />
+    <input name="color2" type="color4" value="0, 1, 0, 1" />
+    <input name="interval3" type="float" value="1" />
+    <input name="color3" type="color4" value="0, 0, 1, 1" />
+    <input name="interpolation" type="integer" value="0" />
+  </ramp>
+  <convert name="C" type="color3"><input name="in" type="color4" nodename="R" /></convert>"""
+    document(tmp_path / "look.mtlx", with_color(connected, ramp))
+    scene = load_stage(stage(tmp_path))
+    assert scene.warnings == ()
+    found = seen_at(scene, [(0.25, 0.5), (0.5, 0.5), (0.875, 0.5)])["diffuse"]
+    np.testing.assert_allclose(found, [[0.5, 0.5, 0], [0, 1, 0], [0, 0.25, 0.75]], atol=5e-3)
+
+
 def test_files_that_a_file_includes(tmp_path: Path) -> None:
     document(tmp_path / "inner.mtlx", GRAPH)
     color = '<input name="base_color" type="color3" nodegraph="G" output="color" />'

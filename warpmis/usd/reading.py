@@ -230,7 +230,7 @@ def add_diagnostics(messages: Iterable[str], warnings: Messages) -> None:
     for message in messages:
         if MTLX_ERROR.search(message):
             continue
-        bare = SOURCE_SITE.sub("", PRIM_PREFIX.sub("", message)).strip()
+        bare = ANONYMOUS.sub("", SOURCE_SITE.sub("", PRIM_PREFIX.sub("", message))).strip()
         unapplied = UNAPPLIED.search(bare)
         if unapplied:
             warnings.add(unapplied[1], "MaterialBindingAPI is not applied; its binding counts all the same")

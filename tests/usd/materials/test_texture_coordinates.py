@@ -145,6 +145,40 @@ def test_splits_and_checkerboards() -> None:
     np.testing.assert_allclose(found, np.where(odd, A, B), atol=1e-5)
 
 
+def test_coordinates_through_any_arithmetic() -> None:
+    """As a picture of them, with the accuracy of its 512 texels a side."""
+    nodes = node("T", "ND_texcoord_vector2", "", "vector2")
+    nodes += node(
+        "E", "ND_extract_vector2", "float2 inputs:in.connect = </M/T.outputs:out>\nint inputs:index = 1", "float"
+    )
+    nodes += node(
+        "W", "ND_smoothstep_float", "float inputs:in.connect = </M/E.outputs:out>\nfloat inputs:low = 0.2", "float"
+    )
+    nodes += node("X", "ND_mix_color3", colors(fg=A, bg=B) + "\nfloat inputs:mix.connect = </M/W.outputs:out>")
+    x = (PLACES[:, 1:] - 0.2) / 0.8
+    share = x * x * (3 - 2 * x)
+    np.testing.assert_allclose(seen(nodes), A * share + B * (1 - share), atol=1e-4)
+
+
+def test_turned_coordinates_through_arithmetic() -> None:
+    nodes = place2d(0) + node(
+        "C", "ND_convert_vector2_vector3", "float2 inputs:in.connect = </M/P.outputs:out>", "vector3"
+    )
+    nodes += node("X", "ND_absval_vector3", "float3 inputs:in.connect = </M/C.outputs:out>")
+    expected = turned((PLACES - 0.5) / np.array([2.0, 1.5]), 30) - np.array([0.1, -0.05]) + 0.5
+    np.testing.assert_allclose(seen(nodes)[:, :2], np.abs(expected), atol=1e-3)
+
+
+def test_a_picture_times_its_coordinates(tmp_path) -> None:
+    texels = np.random.default_rng(1).uniform(0.1, 0.9, (2, 2, 3))
+    nodes = image("I", write(tmp_path / "a.exr", texels)) + node("T", "ND_texcoord_vector2", "", "vector2")
+    nodes += node("E", "ND_extract_vector2", "float2 inputs:in.connect = </M/T.outputs:out>", "float")
+    nodes += node("X", "ND_multiply_color3FA", "color3f inputs:in1.connect = </M/I.outputs:out>\n"
+                  "float inputs:in2.connect = </M/E.outputs:out>")  # fmt: skip
+    at = np.array([[0.25, 0.75], [0.75, 0.75], [0.25, 0.25], [0.75, 0.25]])
+    np.testing.assert_allclose(seen(nodes, at), texels.reshape(4, 3) * at[:, :1], atol=2e-3)
+
+
 VARYING = 'color3f[] primvars:tint = [(0, 0, 0), (0.8, 0, 0), (0.8, 0.4, 0), (0, 0.4, 0)] ( interpolation = "vertex" )'
 
 

@@ -13,7 +13,7 @@ from warpmis.usd.materials.node_math import MATH, NodeMath, category_of
 from warpmis.usd.materials.pattern import Pattern, Picture, bordered, constant, joined, primvar
 from warpmis.usd.materials.pattern_network import PatternNetwork, width_of
 from warpmis.usd.materials.shading_network import is_input
-from warpmis.usd.materials.texture_coordinates import texture_coordinates, transform_of
+from warpmis.usd.materials.texture_coordinates import coordinate_pattern, texture_coordinates, transform_of
 from warpmis.usd.shapes.primvar import PrimvarRead
 
 WRAP_MODES = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
@@ -161,9 +161,15 @@ class MaterialXNetwork(PatternNetwork):
     def _primvar(self, node: Any, kind: str, output: str, width: int) -> Pattern | None:
         if kind.startswith("ND_geomcolor"):
             return primvar(PrimvarRead("displayColor", (0.0,) * 3)).resized(width)
+        if width == 2:
+            return self._coordinates_of(node, kind, output, width)
         name = str(self.constant(node, "geomprop", ""))
         default = self.numbers(self.pattern_or(node, "default", (0.0,) * width), "default")
         return primvar(PrimvarRead(name, tuple(default.tolist())))
+
+    def _coordinates_of(self, node: Any, kind: str, output: str, width: int) -> Pattern | None:
+        found = coordinate_pattern(self, node, kind.replace("_vector3", "_vector2"))
+        return None if found is None else found.resized(width)
 
     def _ramp(self, node: Any, kind: str, output: str, width: int) -> Pattern:
         """Two texels a direction, looked up between their centres: exactly linear from 0 to 1, and clamped beyond."""
@@ -246,9 +252,7 @@ def _first_word(kind: str) -> str:
 def is_pattern_node(kind: str) -> bool:
     """Whether a MaterialXNetwork knows a node, if only its mean or where it looks."""
     word = _first_word(kind)
-    return (
-        word in READERS or word in MEANS or word in COORDINATES or kind.startswith("ND_Usd") or bool(category_of(kind))
-    )
+    return word in READERS or word in MEANS or word in GEOMETRY or kind.startswith("ND_Usd") or bool(category_of(kind))
 
 
 READERS: dict[str, Callable[[MaterialXNetwork, Any, str, str, int], Pattern | None]] = {
@@ -266,6 +270,9 @@ READERS: dict[str, Callable[[MaterialXNetwork, Any, str, str, int], Pattern | No
     "swizzle": MaterialXNetwork._swizzled,
     "geompropvalue": MaterialXNetwork._primvar,
     "geomcolor": MaterialXNetwork._primvar,
+    "texcoord": MaterialXNetwork._coordinates_of,
+    "place2d": MaterialXNetwork._coordinates_of,
+    "rotate2d": MaterialXNetwork._coordinates_of,
     "ramplr": MaterialXNetwork._ramp,
     "ramptb": MaterialXNetwork._ramp,
     "ramp4": MaterialXNetwork._ramp,
@@ -273,4 +280,5 @@ READERS: dict[str, Callable[[MaterialXNetwork, Any, str, str, int], Pattern | No
     "splittb": MaterialXNetwork._split,
     "checkerboard": MaterialXNetwork._checkerboard,
 }
-COORDINATES = ("texcoord", "place2d", "rotate2d", "position", "normal", "tangent", "bitangent")
+# What the library has no graph for.
+GEOMETRY = ("position", "normal", "tangent", "bitangent")

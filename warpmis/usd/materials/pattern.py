@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpmis.scene.texture import (
+    FIRST_TILE,
     PrimvarLookup,
     Texture,
     TextureLookup,
@@ -30,6 +31,8 @@ Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 # Texels that are evaluated at once: a few MiB for each operand.
 BLOCK_TEXELS = 1 << 18
+# Texels from side to side of a picture that is drawn from coordinates.
+DRAWN = 512
 # The largest number that a texel may have.
 MOST = 3.0e38
 
@@ -40,7 +43,11 @@ class CannotFold(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A texture and where it is looked up: the attributes of scene.texture.TextureLookup."""
+    """A texture and where it is looked up: the attributes of scene.texture.TextureLookup.
+
+    Attributes:
+        is_drawn: whether the texture was made from coordinates, and so fits the wrap modes and size of any other.
+    """
 
     texture: Texture
     column: int
@@ -48,12 +55,14 @@ class Picture:
     wrap_s: str
     wrap_t: str
     fallback: Vec4 = (0.0, 0.0, 0.0, 1.0)
+    is_drawn: bool = False
 
-    @property
-    def place(self) -> Any:
-        """Equal for pictures that one picture can stand for."""
-        tiles = tuple(sorted(self.texture.tiles))
-        return self.column, self.transform, self.wrap_s, self.wrap_t, self.texture.is_udim, tiles
+    def fits(self, other: Picture) -> bool:
+        """Whether one picture can stand for both."""
+        same = (self.column, self.transform) == (other.column, other.transform)
+        same = same and self.texture.tiles.keys() == other.texture.tiles.keys()
+        same = same and self.texture.is_udim == other.texture.is_udim
+        return same and (self.is_drawn or (self.wrap_s, self.wrap_t) == (other.wrap_s, other.wrap_t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +138,15 @@ def constant(values: Any) -> Pattern:
 def primvar(read: PrimvarRead) -> Pattern:
     width = len(read.fallback)
     return Pattern(np.zeros(width), np.ones(width), tuple(range(width)), read)
+
+
+def coordinates(column: int) -> Pattern:
+    """Texture coordinates themselves, of two components: as a picture, from (0, 0) to (1, 1)."""
+    centres = ((np.arange(DRAWN) + 0.5) / DRAWN).astype(np.float32)
+    s, t = np.broadcast_arrays(centres[None, :], centres[::-1, None])
+    texture = Texture({FIRST_TILE: np.stack([s, t, np.zeros_like(s)], axis=-1)})
+    source = Picture(texture, column, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), "clamp", "clamp", is_drawn=True)
+    return Pattern(np.zeros(2), np.ones(2), (0, 1), source)
 
 
 def of_lookup(lookup: TextureLookup) -> Pattern:
@@ -214,8 +232,8 @@ def _baked(function: Callable[..., FloatArray], inputs: Sequence[Pattern]) -> Pa
     pictures = [source for source in sources if isinstance(source, Picture)]
     if len(pictures) < len(sources):
         raise CannotFold("a primvar cannot go through it")
-    first = pictures[0]
-    if any(picture.place != first.place for picture in pictures[1:]):
+    first = min(pictures, key=lambda picture: picture.is_drawn)
+    if not all(picture.fits(first) for picture in pictures):
         raise CannotFold("its pictures are looked up at different places")
     # What is outside of a black border reads 0: the function of that is the new bias.
     bordered = "black" in (first.wrap_s, first.wrap_t) and not first.texture.is_udim

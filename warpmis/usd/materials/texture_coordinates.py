@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdShade
 
+from warpmis.usd.materials.pattern import Pattern, constant, coordinates, evaluated
 from warpmis.usd.materials.pattern_network import PatternNetwork
 from warpmis.usd.materials.shading_network import MAX_TRANSFORMS, Transform, is_input
 from warpmis.usd.shapes.primvar import PrimvarRead
@@ -29,6 +30,21 @@ def texture_coordinates(network: PatternNetwork, node: Any, tiled: bool) -> tupl
         tiling, offset = _pair(network, node, "uvtiling", 1.0), _pair(network, node, "uvoffset", 0.0)
         matrix = _scaled(*size) @ _moved(*-offset) @ _scaled(*tiling) @ matrix
     return network.columns.column(read), transform_of(matrix)
+
+
+def coordinate_pattern(network: PatternNetwork, node: Any, kind: str) -> Pattern | None:
+    """What a node of coordinates gives, of two components; None for one that is not known."""
+    found = _known(network, node, kind, 0)
+    if found is None:
+        return None
+    read, matrix = found
+    if not read.name:
+        return constant((matrix @ np.array([*read.fallback, 1.0]))[:2])
+    plain = coordinates(network.columns.column(read))
+    scale, offset = matrix[:2, :2], matrix[:2, 2]
+    if scale[0, 1] == scale[1, 0] == 0.0:
+        return plain * constant(np.diag(scale)) + constant(offset)
+    return evaluated(lambda st: st @ scale.T.astype(np.float32) + offset.astype(np.float32), [plain])
 
 
 def transform_of(matrix: Matrix) -> Transform:
