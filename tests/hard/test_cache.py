@@ -1,0 +1,101 @@
+"""Hard cases of the spatial cache: guided pictures have the mean of next-event estimation, and stay finite.
+
+Welch's test of the mean of each quarter of the picture, over seeds, Sidak-corrected. What bias would be found: POWER.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hard.parts import UP, bound, box, camera, floor, light, material, mesh, stage
+from hard.room import room
+from stats import detectable_bias, sidak, welch_test
+
+import warpmis
+from warpmis.cache import training
+from warpmis.cache.cell_moments import MAX_SHARE, MIN_SHARE, CellMoments, updated_shares, worths
+from warpmis.film.metrics import LUMINANCE
+
+SEEDS = 16
+POWER = {"thin wall": 0.1}  # next-event estimation is noisy there
+POWER_OF_OTHERS = 0.05
+SETTINGS: dict[str, Any] = {"spp": 256, "max_depth": 4, "width": 16}
+LOOK = camera((0.0, 0.5, 0.9), -20.0, 0.8)
+
+
+@pytest.fixture(autouse=True)
+def small_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of 256 pixels train for half of their samples."""
+    monkeypatch.setattr(training, "FIRST_PATHS", 1024)
+
+
+def thin_wall() -> Any:
+    """A sheet without thickness between a lit half and a dark one, which a gap above it lights."""
+    sheet = mesh("Sheet", [(0, -1, 1), (0, -1, -1), (0, 0.7, -1), (0, 0.7, 1)], [(0, 1, 2, 3)], 0.7)
+    return stage(
+        box(1.0, color=0.7), sheet, light("SphereLight", at=(0.6, -0.2, 0.0), radius=0.1, intensity=10.0), LOOK
+    )
+
+
+def mirrors() -> Any:
+    """Nothing scatters: no vertex is ever recorded."""
+    metal = material(diffuseColor=0.9, metallic=1.0, roughness=0.0)
+    lamp = light("SphereLight", at=(0.2, 0.3, -0.4), radius=0.2, intensity=2.0)
+    return stage(box(1.0, color=None, more=bound()), metal, lamp, LOOK)
+
+
+def half_dark() -> Any:
+    """A floor under a sheet: what lies below is black for good."""
+    below = floor(1.0, -0.5, "Below", 0.5)
+    lamp = light("DiskLight", at=(0.0, 0.1, 0.0), rotate=UP, radius=0.2, intensity=5.0)
+    return stage(floor(1.0), below, floor(1.0, 1.0, "Ceiling", 0.8), lamp, LOOK)
+
+
+CASES: dict[str, Callable[[], Any]] = {
+    "room": room,
+    "scaled by 1e-6": lambda: room(size=1e-6),
+    "scaled by 1e6": lambda: room(size=1e6),
+    "moved by 1e6": lambda: room(size=100.0, at=(1e6, -1e6, 1e6)),
+    "thin wall": thin_wall,
+    "mirrors": mirrors,
+    "half dark": half_dark,
+}
+
+
+def quarters(image: np.ndarray) -> np.ndarray:
+    """Mean luminance of each quarter of the picture, shape (4,)."""
+    luminance = image @ LUMINANCE
+    half = luminance.shape[0] // 2
+    return luminance.reshape(2, half, 2, half).mean(axis=(1, 3)).ravel()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_guided_pictures_have_the_right_mean(name: str) -> None:
+    scene = warpmis.load_stage(CASES[name]())
+    found: dict[str, np.ndarray] = {}
+    for method in ("nee", "guided"):
+        results = [warpmis.render(scene, method=method, seed=seed, **SETTINGS) for seed in range(SEEDS)]
+        assert all(np.isfinite(result.image).all() and result.image.min() >= 0.0 for result in results)
+        assert all(result.stats["rejected_samples"] == 0 for result in results)
+        found[method] = np.array([quarters(result.image) for result in results])
+    level = sidak(0.01, 4 * len(CASES))
+    for ours, theirs in zip(found["guided"].T, found["nee"].T, strict=True):
+        if np.ptp(theirs) == 0.0:
+            np.testing.assert_allclose(ours, theirs, rtol=1e-5)
+            continue
+        assert welch_test(ours, theirs) > level
+        error = np.hypot(ours.std(ddof=1), theirs.std(ddof=1)) / np.sqrt(SEEDS) / theirs.mean()
+        assert detectable_bias(float(error), level) < POWER.get(name, POWER_OF_OTHERS)
+
+
+def test_one_sample_that_carries_all() -> None:
+    """Shares keep their bounds, and worths stay finite, whatever a single record says."""
+    ones = np.ones(3)
+    huge = np.array([1.0, 1e30, 1e300])
+    moments = CellMoments(count=100.0 * ones, by_bsdf=huge, by_guide=ones, tail=huge, light=huge, cost=ones)
+    shares = updated_shares(0.5 * ones, moments, moments)
+    assert (shares >= MIN_SHARE).all() and (shares <= MAX_SHARE).all()
+    assert all(np.isfinite(worth).all() for worth in worths(moments))
