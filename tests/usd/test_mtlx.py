@@ -402,21 +402,16 @@ def test_files_that_a_file_includes(tmp_path: Path) -> None:
 
 
 def test_files_before_1_39(tmp_path: Path) -> None:
-    """Older versions are upgraded: swizzles, and materials that are no nodes."""
-    (tmp_path / "look.mtlx").write_text("""<?xml version="1.0"?>
-<materialx version="1.36">
-  <standard_surface name="S" type="surfaceshader">
-    <input name="base" type="float" value="0.5" />
-    <input name="base_color" type="color3" value="0.25, 0.5, 1" channels="grb" />
-    <input name="specular_roughness" type="float" value="0.375" />
-  </standard_surface>
-  <material name="Paint">
-    <shaderref name="R" node="standard_surface" />
-  </material>
+    """Older versions are upgraded: channels of connected inputs, and swizzles."""
+    constant = '<constant name="C" type="color3"><input name="value" type="color3" value="0.25, 0.5, 1" /></constant>'
+    (tmp_path / "look.mtlx").write_text(f"""<?xml version="1.0"?>
+<materialx version="1.38">
+  {with_color('<input name="base_color" type="color3" nodename="C" channels="gbr" />', constant)}
 </materialx>
 """)
     scene = load_stage(stage(tmp_path))
-    assert scene.materials[0].path == "/Looks/Paint"
+    assert scene.warnings == ()
+    np.testing.assert_allclose(seen_at(scene, [(0.5, 0.5)])["diffuse"][0], [0.5, 1, 0.25])
 
 
 @pytest.mark.parametrize("content", ["<materialx", "", "<a/>", '<materialx version="x"><image name="I"/></materialx>'])

@@ -236,3 +236,10 @@ def test_a_weight_that_varies(tmp_path):
     weight = color[:, :1]
     np.testing.assert_allclose(found["diffuse"], color * weight * (1 - weight), rtol=2e-3)
     np.testing.assert_allclose(found["specular_f0"], 0.04 * weight * (1 - weight) + color * weight * weight, rtol=2e-3)
+
+
+def test_what_a_coat_lacks_counts_only_with_a_coat():
+    rough = "float inputs:coat_affect_color = 1"
+    assert stage("ND_standard_surface_surfaceshader", rough).warnings == ()
+    scene = stage("ND_standard_surface_surfaceshader", rough + "\nfloat inputs:coat = 1\nfloat inputs:sheen = 1")
+    assert mentions(scene, "/M", "sheen", "coat_affect_color", "left out") and len(scene.warnings) == 1

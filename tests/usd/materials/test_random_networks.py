@@ -85,6 +85,70 @@ def network(seed: int, file: Path) -> str:
     return text(kind, inputs(definition, outputs, random, file), nodes)
 
 
+# Surfaces by name: their render context, and their inputs after their type.
+BY_NAME = {
+    "PxrSurface": ("ri", """float diffuseGain specularRoughness roughSpecularRoughness clearcoatRoughness glowGain
+        float presence refractionGain glassIor glassRoughness
+        color3f diffuseColor specularFaceColor specularEdgeColor specularIor specularExtinctionCoeff
+        color3f roughSpecularFaceColor clearcoatFaceColor glowColor refractionColor bumpNormal
+        int specularFresnelMode clearcoatFresnelMode thinGlass"""),
+    "PxrDisneyBsdf": ("ri", """float metallic roughness ior specReflectScale specularTint clearcoat clearcoatGloss
+        float specTrans transDistance presence
+        color3f baseColor emitColor transColor bumpNormal
+        int isThin"""),
+    "PxrDisney": ("ri", """float metallic roughness specular specularTint clearcoat clearcoatGloss
+        color3f baseColor emitColor"""),
+    "arnold:standard_surface": ("arnold", """float base specular specular_roughness specular_IOR metalness
+        float coat coat_IOR emission transmission transmission_depth subsurface sheen
+        color3f base_color specular_color coat_color emission_color opacity transmission_color subsurface_color normal
+        bool thin_walled"""),
+    "OmniSurface": ("mdl", """float diffuse_reflection_weight metalness specular_reflection_weight coat_weight
+        float specular_reflection_roughness specular_reflection_ior coat_ior emission_weight emission_intensity
+        float emission_temperature geometry_opacity geometry_opacity_threshold specular_transmission_weight
+        float uvw_s_scale uvw_t_offset
+        color3f diffuse_reflection_color specular_reflection_color coat_color emission_color
+        color3f specular_transmission_color
+        asset diffuse_reflection_color_image metalness_image geometry_normal_image
+        int emission_mode
+        bool enable_opacity enable_specular_transmission enable_diffuse_transmission emission_use_temperature"""),
+}  # fmt: skip
+NODES = ("PxrTexture", "PxrNormalMap", "PxrPrimvar", "PxrInvert", "arnold:image", "arnold:normal_map", "UsdUVTexture")
+
+
+def by_name(name: str, seed: int, file: Path) -> str:
+    """A stage of one surface of another renderer, with some of its inputs, and some of them connected."""
+    random = np.random.default_rng(seed)
+    context, table = BY_NAME[name]
+    lines, nodes = [], ""
+    for kind, each in ((line.split()[0], each) for line in table.splitlines() for each in line.split()[1:]):
+        choice = random.random()
+        if choice < 0.15:
+            output = str(random.choice(["out", "resultRGB", "rgb"]))
+            nodes += f"""def Shader "N_{each}"
+            {{
+                uniform token info:id = "{random.choice(NODES)}"
+                asset inputs:filename = @{file}@
+                color3f outputs:{output}
+            }}
+"""
+            lines.append(f"{kind} inputs:{each}.connect = </M/N_{each}.outputs:{output}>")
+        elif choice < 0.6:
+            lines.append(f"{kind} inputs:{each} = {value(kind, random, file)}")
+    head = f"""uniform token info:implementationSource = "sourceAsset"
+        uniform token info:mdl:sourceAsset:subIdentifier = "{name}" """
+    return text(head if context == "mdl" else name, "\n".join(lines), nodes, context)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_any_inputs_of_a_surface_by_name(tmp_path: Path, name: str) -> None:
+    file = write(tmp_path / "c.png", np.random.default_rng(0).uniform(0.0, 1.0, (3, 2, 4)), "uint8")
+    for seed in range(30):
+        scene = load(by_name(name, seed, file))
+        assert any(material.path == "/M" for material in scene.materials), f"seed {seed}"
+        for field, each in ((field, each) for material in scene.materials for field, each in vars(material).items()):
+            assert is_finite(each), f"seed {seed}: {field} is {each}"
+
+
 def is_finite(one: Any) -> bool:
     """Whether a material's input has finite numbers, those of a lookup and of its texels included."""
     if isinstance(one, str | bool) or one is None:

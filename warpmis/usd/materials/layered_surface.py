@@ -133,7 +133,7 @@ def _base(surface: LayeredSurface, network: PatternNetwork) -> dict[str, Any]:
         # Facets reflect by the same index as they refract by: a specular weight would change both.
         return {**_colors(surface, network), "ior": surface.ior} if not one_color else _metallic(surface, network)
     if is_grey and coat_agrees and one_color and reflected <= LARGEST_REFLECTANCE:
-        return {**_metallic(surface, network), "ior": ior_of(reflected)}
+        return {**_metallic(surface, network), "ior": surface.ior if weight.equals(1.0) else ior_of(reflected)}
     return {**_colors(surface, network), "ior": surface.coat_ior if not surface.coat.equals(0.0) else surface.ior}
 
 

@@ -20,20 +20,24 @@ from warpmis.usd.materials.layered_surface import (
 from warpmis.usd.materials.pattern import constant
 
 STANDARD_LEFT_OUT = (
-    *("sheen", "thin_film_thickness", "specular_anisotropy", "coat_anisotropy", "transmission_scatter"),
+    *("diffuse_roughness", "sheen", "thin_film_thickness", "specular_anisotropy", "transmission_scatter"),
     *("transmission_dispersion", "transmission_extra_roughness"),
 )
 OPEN_PBR_LEFT_OUT = (
-    *("fuzz_weight", "thin_film_weight", "specular_roughness_anisotropy", "coat_roughness_anisotropy"),
+    *("base_diffuse_roughness", "fuzz_weight", "thin_film_weight", "specular_roughness_anisotropy"),
     *("transmission_scatter", "transmission_dispersion_scale"),
 )
+# What changes the picture where there is a coat.
+STANDARD_COAT = ("coat_anisotropy", "coat_normal", "coat_affect_color", "coat_affect_roughness")
+OPEN_PBR_COAT = ("coat_roughness_anisotropy", "geometry_coat_normal")
+GLTF_COAT = ("clearcoat_normal",)
 GLTF_LEFT_OUT = ("sheen_color", "iridescence", "anisotropy_strength", "dispersion")
 OPAQUE, MASK = 0, 1
 
 
 def standard_surface(inputs: SurfaceInputs, name: str = "standard_surface") -> LayeredSurface:
     """Also Arnold's, whose inputs have the same names; where nothing is authored, both have an albedo of 0.8."""
-    inputs.warn_left_out(STANDARD_LEFT_OUT, name)
+    inputs.warn_left_out((*STANDARD_LEFT_OUT, *_of_coat(inputs, "coat", STANDARD_COAT)), name)
     base = inputs.times(inputs.color("base_color", 0.8), inputs.number("base", 1.0), "base_color")
     transmission = inputs.fixed("transmission", 0.0)
     surface = LayeredSurface(
@@ -59,8 +63,14 @@ def standard_surface(inputs: SurfaceInputs, name: str = "standard_surface") -> L
     return with_subsurface(surface, inputs, "subsurface", "subsurface_color", 1.0, name)
 
 
+def _of_coat(inputs: SurfaceInputs, weight: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of a coat's inputs where there is a coat."""
+    return () if inputs.number(weight, 0.0).equals(0.0) else names
+
+
 def open_pbr(inputs: SurfaceInputs) -> LayeredSurface:
-    inputs.warn_left_out(OPEN_PBR_LEFT_OUT, "open_pbr_surface")
+    of_coat = _of_coat(inputs, "coat_weight", OPEN_PBR_COAT)
+    inputs.warn_left_out((*OPEN_PBR_LEFT_OUT, *of_coat), "open_pbr_surface")
     base = inputs.times(inputs.color("base_color", 0.8), inputs.number("base_weight", 1.0), "base_color")
     transmission = inputs.fixed("transmission_weight", 0.0)
     surface = LayeredSurface(
@@ -110,7 +120,7 @@ def with_subsurface(
 
 
 def gltf_pbr(inputs: SurfaceInputs) -> LayeredSurface:
-    inputs.warn_left_out(GLTF_LEFT_OUT, "gltf_pbr")
+    inputs.warn_left_out((*GLTF_LEFT_OUT, *_of_coat(inputs, "clearcoat", GLTF_COAT)), "gltf_pbr")
     base = inputs.color("base_color", WHITE)
     mode = round(inputs.fixed("alpha_mode", 0.0, 2.0))
     transmission = inputs.fixed("transmission", 0.0)
