@@ -23,7 +23,8 @@ from typing import Any
 import warpmis
 from warpmis.errors import WarpmisError
 from warpmis.output.png import write_png
-from warpmis.usd.materials.mtlx_document import MATERIALS, MtlxError, mtlx_layer
+from warpmis.usd.materials.mtlx_document import MtlxError, mtlx_layer
+from warpmis.usd.materials.mtlx_writer import MATERIALS
 
 MOST_LINES = 4  # of what was said about a stage
 SUFFIXES = {".usd", ".usda", ".usdc", ".usdz"}

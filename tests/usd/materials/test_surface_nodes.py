@@ -265,3 +265,28 @@ def test_defaults_are_those_of_the_library(kind: str, weights: tuple[str, ...]) 
             assert one == other, name
         else:
             np.testing.assert_allclose(one, other, rtol=1e-5, err_msg=name)
+
+
+def test_nodes_of_the_library_are_their_graphs(tmp_path) -> None:
+    """A surface, a node of pictures, and one of BSDFs that nobody but the library knows."""
+    pytest.importorskip("MaterialX")
+    disney = "color3f inputs:baseColor = (0.5, 0.25, 1)\nfloat inputs:metallic = 0.25\nfloat inputs:specular = 1"
+    scene = square("ND_disney_principled", disney)
+    assert mentions(scene, "roughness of ND_burley_diffuse_bsdf") and len(scene.warnings) == 1
+    found = seen_at(scene, [(0.5, 0.5)])
+    np.testing.assert_allclose(found["diffuse"][0], 0.75**2 * np.array([0.5, 0.25, 1]), rtol=1e-4)
+    np.testing.assert_allclose(found["specular_f0"][0], 0.75 * 0.08 + 0.25 * np.array([0.5, 0.25, 1]), rtol=1e-4)
+    file = write(tmp_path / "c.exr", np.broadcast_to(np.array([0.25, 0.5, 0.75]), (2, 2, 3)).copy())
+    inputs = f"asset inputs:file = @{file}@\ncolor4f inputs:color = (1, 0.5, 0.25, 1)"
+    nodes = node("I", "ND_gltf_colorimage", inputs, out="outcolor")
+    connected = "color3f inputs:base_color.connect = </M/I.outputs:outcolor>"
+    np.testing.assert_allclose(seen(square(STANDARD, connected, nodes), "diffuse"), [0.25, 0.25, 0.1875], rtol=1e-3)
+    lama = surface(bsdf("B", "lama_diffuse", "color3f inputs:color = (0.5, 0.25, 1)\nfloat inputs:roughness = 0"))
+    assert all("roughness of ND_oren_nayar_diffuse_bsdf" in line for line in lama.warnings)
+    np.testing.assert_allclose(seen_at(lama, [(0.5, 0.5)])["diffuse"][0], [0.5, 0.25, 1], rtol=1e-5)
+
+
+def test_without_materialx_such_a_node_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("warpmis.usd.materials.library_graphs.library_graph", lambda kind: None)
+    scene = square("ND_disney_principled")
+    assert mentions(scene, "/M", "ND_disney_principled", "not supported")

@@ -24,8 +24,8 @@ from warpmis.usd.materials.layered_surface import (
     ior_of,
     reflectance,
 )
+from warpmis.usd.materials.materialx_network import MaterialXNetwork
 from warpmis.usd.materials.pattern import Pattern, constant
-from warpmis.usd.materials.pattern_network import PatternNetwork
 
 # The width of facets where a node says nothing: alpha, the square of a roughness.
 DEFAULT_ALPHA = 0.05
@@ -59,7 +59,7 @@ class Lobes:
 class BsdfReader:
     """Reads the graph of BSDF and EDF nodes behind one surface node."""
 
-    def __init__(self, network: PatternNetwork) -> None:
+    def __init__(self, network: MaterialXNetwork) -> None:
         self.network = network
         # What outputs were read as, by their path and the type that was asked for; None while they are being read.
         self.found: dict[Any, Any] = {}
@@ -133,6 +133,9 @@ class BsdfReader:
         if leaf is not None:
             SurfaceInputs(node, self.network).warn_left_out(LEFT_OUT, kind)
             return leaf(self, node)
+        inner = self.network.graphs.output(node, f"ND_{kind}", "out")
+        if inner is not None:
+            return self._lobes(UsdShade.Shader(inner.GetPrim()))
         self.network.reading.warn(self.network.path, f"ND_{kind} {node.GetPath()} is not supported; it is left out")
         return Lobes()
 

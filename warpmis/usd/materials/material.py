@@ -12,6 +12,7 @@ from warpmis.scene import Material
 from warpmis.scene.texture import PrimvarLookup
 from warpmis.usd.color_space import inherited_space
 from warpmis.usd.materials.arnold import ArnoldNetwork, is_arnold, read_arnold
+from warpmis.usd.materials.library_graphs import is_library_surface
 from warpmis.usd.materials.materialx import is_materialx, read_materialx
 from warpmis.usd.materials.materialx_network import MaterialXNetwork
 from warpmis.usd.materials.mdl import is_mdl, mdl_name, read_mdl
@@ -199,7 +200,7 @@ class MaterialReader:
         if kind == "UsdPreviewSurface":
             network = ShadingNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_preview_surface(shader, network), network.columns)
-        if is_materialx(kind):
+        if is_materialx(kind) or is_library_surface(kind):
             nodes = MaterialXNetwork(path, self.reading, self.textures)
             return BoundMaterial(read_materialx(shader, nodes), nodes.columns)
         if is_mdl(name):

@@ -9,6 +9,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from pxr import UsdShade
+
 from warpmis.scene import Material
 from warpmis.usd.materials.bsdf_nodes import BsdfReader
 from warpmis.usd.materials.layered_surface import LayeredSurface, SurfaceInputs, material_of
@@ -41,6 +43,9 @@ def read_materialx(shader: Any, network: MaterialXNetwork) -> Material:
     kind = unversioned(network.kind(shader))
     if kind == PREVIEW_SURFACE:
         return read_preview_surface(shader, network)
+    inner = None if is_materialx(kind) else network.graphs.output(shader, network.kind(shader), "out")
+    if inner is not None:
+        return read_materialx(UsdShade.Shader(inner.GetPrim()), network)
     if kind == OF_NODES:
         return material_of(BsdfReader(network).surface(shader), network)
     return material_of(SURFACES[kind](SurfaceInputs(shader, network)), network)

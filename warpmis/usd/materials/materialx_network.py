@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from warpmis.scene.texture import FIRST_TILE, Texture
 from warpmis.usd.color_space import RAW, space_of
+from warpmis.usd.materials.library_graphs import LibraryGraphs, source_within
 from warpmis.usd.materials.node_math import MATH, NodeMath, category_of
 from warpmis.usd.materials.pattern import Pattern, Picture, bordered, constant, joined, primvar
 from warpmis.usd.materials.pattern_network import PatternNetwork, width_of
@@ -38,8 +40,26 @@ MEANS: dict[str, str | float] = {
 }
 
 
+@dataclass(eq=False)
 class MaterialXNetwork(PatternNetwork):
-    """A network whose nodes may be MaterialX's as well as UsdPreviewSurface's."""
+    """A network whose nodes may be MaterialX's as well as UsdPreviewSurface's.
+
+    Attributes:
+        graphs: what stands for nodes of the standard library that are graphs of others.
+    """
+
+    graphs: LibraryGraphs = field(default_factory=LibraryGraphs)
+
+    def source(self, shader: Any, name: str) -> Any:
+        if shader.GetPrim().GetStage() == self.reading.stage:
+            return super().source(shader, name)
+        port = shader.GetInput(name)
+        found = source_within(port) if port else None
+        node = None if found is None else self.graphs.interface(found)
+        if found is None or node is None:
+            return found
+        outer = self.source(node, str(found.GetBaseName()))
+        return found if outer is None and found.HasAuthoredValue() else outer
 
     def node_pattern(self, node: Any, kind: str, output: str, width: int) -> tuple[bool, Pattern | None]:
         if kind.startswith("ND_Usd"):
@@ -53,6 +73,9 @@ class MaterialXNetwork(PatternNetwork):
             return True, self._math(node, "artistic_extinction", width)
         if name := category_of(kind):
             return True, self._math(node, name, width)
+        inner = self.graphs.output(node, kind, output)
+        if inner is not None:
+            return True, self._of_output(inner)
         return super().node_pattern(node, kind, output, width)
 
     def _math(self, node: Any, name: str, width: int) -> Pattern | None:
