@@ -100,6 +100,9 @@ class MaterialReader:
         index = self.shared_index if prim.IsInstanceProxy() else self.index
         shifted = [moved(bound.material, own.start) for bound, own in zip(found, columns, strict=True)]
         materials = np.array([index(material) for material in shifted], np.int64)
+        if len(found) == 1:
+            block, places = corner_primvars(prim, surface, found[0].columns, scopes, self.reading)
+            return Shading(materials[by_triangle], block, places if scopes and np.isnan(block).any() else NO_PLACES)
         block = np.zeros((len(by_triangle), 3, max((own.stop for own in columns), default=0)), np.float32)
         places = np.zeros((len(scopes[0].instance) if scopes else 0, block.shape[-1]), np.float32)
         for number, (bound, own) in enumerate(zip(found, columns, strict=True)):

@@ -89,7 +89,7 @@ def corner_primvars(
 
 def corner_values(
     prim: Any, surface: Surface, read: PrimvarRead, scopes: Scopes, reading: Reading
-) -> tuple[FloatArray, bool]:
+) -> tuple[NDArray[Any], bool]:
     """A primvar at every triangle corner, shape (f, 3, width) or one that broadcasts to it, or, where it is told so, at
     every place, shape (k, width).
 
@@ -104,7 +104,7 @@ def corner_values(
         reading.warn(prim.GetPath(), f"its material reads primvars:{read.name}, which it lacks; {shown} is used")
         return read.of(fallback[None])[0], False
     finite = np.abs(found.values) < np.finfo(np.float32).max
-    values = read.of(np.where(finite, found.values, fallback))
+    values = read.of(np.where(finite, found.values, fallback)).astype(np.float32)
     return (values, True) if found.of_places else (values[found.rows], False)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -131,14 +131,13 @@ def _placed_batch(
     points = points.reshape(-1, 3)
     cross = _double_vector_area(points, triangles)
     normals, normal_indices = _facing_front(normals, normal_indices, cross)
-    keep = (cross != 0.0).any(axis=-1)
-    if not keep.all():
-        triangles, normal_indices = triangles[keep], normal_indices[keep]
+    has_area = (cross != 0.0).any(axis=-1)
+    keep = slice(None) if has_area.all() else has_area  # a slice copies nothing
     return Geometry(
         points=points,
-        triangles=triangles.astype(np.int32),
+        triangles=triangles[keep].astype(np.int32),
         normals=normals,
-        normal_indices=normal_indices.astype(np.int32),
+        normal_indices=normal_indices[keep].astype(np.int32),
         materials=np.tile(shading.materials, count)[keep].astype(np.int32),
         prims=np.repeat(prims[inside], len(surface.triangles))[keep].astype(np.int32),
         primvars=_placed_primvars(shading, inside, is_mirrored(matrices))[keep],
@@ -173,6 +172,8 @@ def is_mirrored(matrices: FloatArray) -> NDArray[np.bool_]:
 
 def _wound(rows: NDArray[np.float32], mirrored: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Corner values of all instances, shape (k * f, 3, p): a mirrored one's corners stand the other way round."""
+    if len(mirrored) == 1:
+        return rows[:, ::-1] if mirrored[0] else rows
     wound = np.where(mirrored[:, None, None, None], rows[:, ::-1], rows)
     return wound.reshape(len(mirrored) * len(rows), *rows.shape[1:])
 
@@ -215,8 +216,16 @@ def _placed_normals(normals: FloatArray, linear: FloatArray, mirrored: NDArray[n
 
 def _double_vector_area(points: NDArray[np.float32], triangles: IntArray) -> FloatArray:
     """Cross product of two edges, towards the front, shape (f, 3), of the points as float32 holds them."""
-    a, b, c = (points[triangles[:, i]].astype(np.float64) for i in range(3))
-    return np.cross(b - a, c - a)
+    found = np.empty((len(triangles), 3))
+    for rows in batches(len(triangles)):
+        a, b, c = (points[triangles[rows, i]].astype(np.float64) for i in range(3))
+        found[rows] = np.cross(b - a, c - a)
+    return found
+
+
+def batches(count: int) -> Iterator[slice]:
+    """Rows of so many triangles, some at a time."""
+    return (slice(start, start + BATCH_TRIANGLES) for start in range(0, count, BATCH_TRIANGLES))
 
 
 def _facing_front(
@@ -229,10 +238,12 @@ def _facing_front(
     """
     if not len(normals) or not len(indices):
         return np.empty((0, 3), np.float32), np.full(indices.shape, -1, np.int64)
-    cosine = np.einsum("fcj,fj->fc", normals[indices].astype(np.float64), front)
-    flat = (indices < 0).any(axis=1)
-    ahead = (cosine > 0.0).all(axis=1) & ~flat
-    behind = (cosine < 0.0).all(axis=1) & ~flat
+    ahead, behind = np.empty(len(indices), bool), np.empty(len(indices), bool)
+    for rows in batches(len(indices)):
+        cosine = np.einsum("fcj,fj->fc", normals[indices[rows]].astype(np.float64), front[rows])
+        flat = (indices[rows] < 0).any(axis=1)
+        ahead[rows] = (cosine > 0.0).all(axis=1) & ~flat
+        behind[rows] = (cosine < 0.0).all(axis=1) & ~flat
     if behind.any():
         indices = np.where(behind[:, None], indices + len(normals), indices)
         normals = np.concatenate([normals, -normals])
