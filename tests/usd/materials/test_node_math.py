@@ -273,6 +273,33 @@ def test_pictures_at_different_places_are_approximated_with_a_warning(tmp_path) 
     np.testing.assert_allclose(seen_at(scene, CENTRES)["emission"], expected, rtol=5e-3)
 
 
+def test_the_larger_of_two_pictures_at_different_places_stays(tmp_path) -> None:
+    texels = np.random.default_rng(8).uniform(0.1, 0.9, (2, 2, 3))
+    nodes = image("J", write(tmp_path / "b.exr", texels))
+    grey = write(tmp_path / "a.exr", np.full((1, 1, 3), 0.5))
+    nodes += node("I", "ND_tiledimage_color3", f"asset inputs:file = @{grey}@\nfloat2 inputs:uvtiling = (4, 4)")
+    nodes += node("X", "ND_multiply_color3", "color3f inputs:in1.connect = </M/I.outputs:out>\n"
+                  "color3f inputs:in2.connect = </M/J.outputs:out>")  # fmt: skip
+    scene = square("ND_surface_unlit", CONNECTED, nodes)
+    assert mentions(scene, "/M", "multiply /M/X", "different places")
+    np.testing.assert_allclose(seen_at(scene, CENTRES)["emission"], 0.5 * texels.reshape(4, 3), rtol=1e-3)
+
+
+def test_a_made_picture_counts_among_the_stages_texels(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that has no room is its mean, with a warning."""
+    texels = np.random.default_rng(9).uniform(0.1, 0.9, (2, 2, 3))
+    nodes = image("I", write(tmp_path / "a.exr", texels))
+    nodes += node("X", "ND_power_color3FA", "color3f inputs:in1.connect = </M/I.outputs:out>\nfloat inputs:in2 = 2")
+    for words, is_kept in ((24, True), (23, False)):
+        monkeypatch.setattr("warpmis.usd.materials.texture.MAX_TEXEL_WORDS", words)
+        scene = square("ND_surface_unlit", CONNECTED, nodes)
+        found = seen_at(scene, CENTRES)["emission"]
+        assert mentions(scene, "/M", "too many texels") != is_kept
+        expected = (texels**2).reshape(4, 3)
+        expected = expected if is_kept else np.broadcast_to(expected.mean(axis=0), (4, 3))
+        np.testing.assert_allclose(found, expected, rtol=1e-2)
+
+
 def test_channels_are_combined_and_swizzled(tmp_path) -> None:
     texels = np.random.default_rng(6).uniform(0.1, 0.9, (2, 2, 3))
     nodes = image("I", write(tmp_path / "a.exr", texels))
