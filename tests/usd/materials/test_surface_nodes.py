@@ -201,6 +201,18 @@ def test_emission_of_edf_nodes() -> None:
     np.testing.assert_allclose(seen(scene, "emission"), 0.5 * np.array([4, 1, 0.5]))
 
 
+def test_a_normal_map_of_bsdf_nodes(tmp_path) -> None:
+    tilt = np.array([np.sin(0.3), 0.0, np.cos(0.3)])
+    nodes = image("I", write(tmp_path / "n.exr", np.broadcast_to(0.5 + 0.5 * tilt, (2, 2, 3))), "vector3")
+    nodes += node("N", "ND_normalmap_float", "float3 inputs:in.connect = </M/I.outputs:out>", "vector3")
+    nodes += bsdf("T", "dielectric_bsdf", "float3 inputs:normal.connect = </M/W.outputs:out>")
+    nodes += node("W", "ND_normal_vector3", "", "vector3")
+    nodes += bsdf("D", "oren_nayar_diffuse_bsdf", "float3 inputs:normal.connect = </M/N.outputs:out>")
+    nodes += bsdf("B", "layer_bsdf", "token inputs:top.connect = </M/T.outputs:out>\n"
+                  "token inputs:base.connect = </M/D.outputs:out>")  # fmt: skip
+    np.testing.assert_allclose(seen(surface(nodes), "normal"), tilt, atol=1e-5)
+
+
 def test_what_does_not_map_is_named_once() -> None:
     nodes = bsdf("T", "sheen_bsdf") + bsdf("D", "oren_nayar_diffuse_bsdf", "float inputs:roughness = 1")
     nodes += bsdf("B", "layer_bsdf", "token inputs:top.connect = </M/T.outputs:out>\n"

@@ -43,6 +43,7 @@ class Lobes:
         specular: reflectance at normal incidence, three components; alpha: of its facets, None without any.
         coat, coat_ior, coat_alpha: a dielectric above all that.
         transmission: the share that refracts, by ior, in its colour.
+        normal: of the first node that has one of its own.
     """
 
     diffuse: Pattern = NO_COLOR
@@ -54,6 +55,7 @@ class Lobes:
     transmission: Pattern = NONE
     transmission_color: Pattern = NO_COLOR
     ior: float = DEFAULT_IOR
+    normal: Pattern | None = None
 
 
 class BsdfReader:
@@ -83,6 +85,7 @@ class BsdfReader:
             coat_roughness=self._roughness(lobes.coat_alpha),
             emission=self.emission(shader, "edf"),
             opacity=inputs.number("opacity", 1.0),
+            normal=lobes.normal,
             transmission=share,
             transmission_color=(red, green, blue),
             thin_walled=inputs.flag("thin_walled"),
@@ -131,8 +134,9 @@ class BsdfReader:
             return self._scaled(self.lobes(node, "in1"), factor, node)
         leaf = LEAVES.get(kind)
         if leaf is not None:
-            SurfaceInputs(node, self.network).warn_left_out(LEFT_OUT, kind)
-            return leaf(self, node)
+            inputs = SurfaceInputs(node, self.network)
+            inputs.warn_left_out(LEFT_OUT, kind)
+            return replace(leaf(self, node), normal=inputs.normal("normal"))
         inner = self.network.graphs.output(node, f"ND_{kind}", "out")
         if inner is not None:
             return self._lobes(UsdShade.Shader(inner.GetPrim()))
@@ -253,6 +257,7 @@ class BsdfReader:
             transmission=total(first.transmission, second.transmission),
             transmission_color=total(first.transmission_color, second.transmission_color),
             ior=refracts.ior,
+            normal=second.normal if first.normal is None else first.normal,
         )
 
     def _emission(self, node: Any) -> Pattern:

@@ -20,6 +20,7 @@ from warpmis.usd.materials.preview_surface import clamped, constant_if_uniform
 INFINITY = float("inf")
 WHITE = (1.0, 1.0, 1.0)
 BLACK = (0.0, 0.0, 0.0)
+OWN_NORMAL = "ND_normal_vector3"
 # Reflectances closer than this are one: rounding of an index of refraction.
 SAME_REFLECTANCE = 1e-6
 LARGEST_REFLECTANCE = 0.999
@@ -209,6 +210,10 @@ class SurfaceInputs:
         return bool(self.network.constant(self.shader, name, default))
 
     def normal(self, name: str) -> Pattern | None:
+        """A pattern of normals; None for the surface's own, which a node may say as well."""
+        node = self.network.node(self.shader, name)
+        if node is not None and self.network.kind(node) == OWN_NORMAL:
+            return None
         return self.network.pattern(self.shader, name, 3)
 
     def times(self, color: Pattern, weight: Pattern, name: str) -> Pattern:
