@@ -75,8 +75,7 @@ def material_of(surface: LayeredSurface, network: PatternNetwork) -> Material:
         path=str(network.path),
         emissive_color=network.as_value(surface.emission, 3),
         roughness=network.as_value(surface.roughness, 1),
-        clearcoat=network.as_value(surface.coat, 1),
-        clearcoat_roughness=network.as_value(surface.coat_roughness, 1),
+        **_coat(surface, network),
         opacity=opacity,
         opacity_threshold=0.0 if isinstance(opacity, float) else surface.opacity_threshold,
         opacity_mode="presence",
@@ -87,6 +86,16 @@ def material_of(surface: LayeredSurface, network: PatternNetwork) -> Material:
         thin_walled=surface.thin_walled and surface.transmission > 0.0,
         **_base(surface, network),
     )
+
+
+def _coat(surface: LayeredSurface, network: PatternNetwork) -> dict[str, Any]:
+    """The coat's inputs; nothing where there is none, so that materials without one are alike."""
+    if surface.coat.equals(0.0):
+        return {}
+    return {
+        "clearcoat": network.as_value(surface.coat, 1),
+        "clearcoat_roughness": network.as_value(surface.coat_roughness, 1),
+    }
 
 
 def below_coat(surface: LayeredSurface, network: PatternNetwork) -> LayeredSurface:
