@@ -177,7 +177,7 @@ class RenderConfig:
             raise ConfigError(f"unknown sampler '{self.sampler}'; choose one of {', '.join(SAMPLERS)}")
         if self.how.learns:
             self._check_learning()
-        elif self.learn != LearnConfig():
+        elif self.learn != LearnConfig(keep_maps=self.learn.keep_maps and self.how.cache):
             raise ConfigError(f"method '{self.method}' takes no learn settings: drop them, or take murray20")
         if self.how.cache and self.strategies != DEFAULT_STRATEGIES:
             raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")

@@ -136,7 +136,7 @@ def test_every_run_has_a_seed_of_its_own(fake: FakeRender) -> None:
 
 def test_what_needs_more_samples_is_left_out_and_named(fake: FakeRender) -> None:
     summary = compared(BALANCE, *swept("learn-spp", [16, 512]))
-    assert set(summary["methods"]) == {"balance", "auto, learn-spp 16"}
+    assert set(summary["methods"]) == {"balance", "murray20, learn-spp 16"}
     assert any("learn-spp 512 needs more than 64 samples" in line for line in summary["warnings"])
 
 
@@ -291,11 +291,9 @@ def test_labels() -> None:
 
 
 def test_rounds_of_a_swept_length_fit_the_budget() -> None:
-    """As many as the budget has room for, up to the method's own number for that budget: auto has one, whatever."""
+    """As many as the budget has room for, up to the method's own number for that budget."""
     (one,) = swept("learn-spp", [64])
-    assert [one.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 1, 1]
-    many = Variant("rounds", {"method": "murray20"}, {"spp": 64})
-    assert [many.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 1, 4]
+    assert [one.config({}, spp, 0).learn_rounds() for spp in (64, 128, 1024)] == [1, 1, 4]
     assert one.least_spp({}) == 64
     with pytest.raises(ConfigError, match="cannot sweep 'spp'"):
         swept("spp", [1])

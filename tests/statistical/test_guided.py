@@ -61,3 +61,14 @@ def test_a_gate_that_flips_is_unbiased(small_rounds: None, monkeypatch: pytest.M
     level = sidak(SIGNIFICANCE, REGIONS)
     assert paired_p_values(found, reference).min() > level
     assert caught_bias(found, reference, level) < 0.02
+
+
+@pytest.mark.slow
+def test_mean_of_a_thousand_short_renders(small_rounds: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 16 samples per pixel each, most of them spent on learning, by a trial that now and then says no."""
+    monkeypatch.setattr(guided, "QUIET", 0.0)
+    found = estimates("room", 1000, spp=16, method="auto")
+    reference = estimates("room", 1000, spp=16, method="nee")
+    level = sidak(SIGNIFICANCE, REGIONS)
+    assert paired_p_values(found, reference).min() > level
+    assert caught_bias(found, reference, level) < 0.02

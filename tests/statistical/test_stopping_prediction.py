@@ -18,8 +18,14 @@ prediction = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "bench" 
     ("worse", "better"), [(0.2, 0.05), pytest.param(0.05, 0.01, marks=pytest.mark.slow)], ids=["to 5 %", "to 1 %"]
 )
 def test_prediction_in_a_room(worse: float, better: float) -> None:
-    predicted, measured = prediction(scenes.room(pixels=24), worse, better, seed=0)
+    predicted, measured = prediction(scenes.room(pixels=24), worse, better, seed=0, method="nee")
     assert predicted == pytest.approx(measured, rel=WITHIN)
+
+
+def test_prediction_while_a_cache_learns_is_too_careful() -> None:
+    """The samples of its first rounds are noisier than those to come."""
+    predicted, measured = prediction(scenes.room(pixels=24), 0.2, 0.05, seed=0, method="guided")
+    assert (1.0 - WITHIN) * measured < predicted < 2.0 * measured
 
 
 @pytest.mark.slow

@@ -194,11 +194,19 @@ def test_initial_allocation_has_a_share_for_each_strategy() -> None:
 
 
 @pytest.mark.parametrize("learn", [{"rounds": 2}, {"spp": 4}, {"initial_allocation": (0.5, 0.5)}, {"keep_maps": True}])
-@pytest.mark.parametrize("method", ["bsdf", "balance", "nee", "fixed", "guided", "auto"])
+@pytest.mark.parametrize("method", ["bsdf", "balance", "nee", "fixed"])
 def test_rejects_learning_where_nothing_is_learned(method: str, learn: dict[str, Any]) -> None:
     allocation = (0.5, 0.5) if method == "fixed" else None
     with pytest.raises(ConfigError, match=f"'{method}' takes no learn settings: drop them, or take murray20"):
         RenderConfig(method=method, allocation=allocation, learn=LearnConfig(**learn))
+
+
+def test_a_cache_plans_its_own_rounds() -> None:
+    """What can be asked for is the map after each of them."""
+    assert RenderConfig(method="auto", learn=LearnConfig(keep_maps=True)).learn.keep_maps
+    for learn in ({"rounds": 2}, {"spp": 4}, {"initial_allocation": (0.5, 0.5)}):
+        with pytest.raises(ConfigError, match="'guided' takes no learn settings"):
+            RenderConfig(method="guided", learn=LearnConfig(**learn))
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,9 @@ from warpmis.methods import METHODS
 
 BASELINE = "balance"
 
+# What learns by settings of its own.
+LEARNER = "murray20"
+
 # A label is a method's name, and its strategies if they are not the default ones.
 DEFAULT_LABELS = (
     BASELINE, "nee", "murray20 bsdf,light", "murray20 bsdf,light,uniform", "lpg13", "sbert19", "auto",
@@ -100,11 +103,11 @@ def chosen_variants(labels: Sequence[str]) -> list[Variant]:
 
 
 def swept(knob: str, values: Sequence[int]) -> list[Variant]:
-    """The default method once for each value of one setting."""
+    """The default method once for each value of one setting; of a learn setting, the published method that has it."""
     if knob not in KNOBS:
         raise ConfigError(f"cannot sweep '{knob}'; choose from {', '.join(KNOBS)}")
     part, name = KNOBS[knob]
-    method = RenderConfig().method
+    method = RenderConfig().method if part == "render" else LEARNER
     variants = []
     for value in values:
         render = {"method": method, **({name: value} if part == "render" else {})}

@@ -17,7 +17,7 @@ from warpmis.rendering import integrator, launches
 from warpmis.rendering.specialise import features_of, kernels_of
 from warpmis.scene.features import Features, detect
 
-SETTINGS = {"spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
+SETTINGS = {"method": "murray20", "spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
 
 
 def pictures(result: warpmis.RenderResult) -> list[np.ndarray]:
