@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -420,6 +421,79 @@ def test_a_broken_file_is_a_warning(tmp_path: Path, content: str) -> None:
     scene = load_stage(stage(tmp_path))
     assert len(scene.warnings) >= 1 and not any("Traceback" in line or "anon:" in line for line in scene.warnings)
     assert scene.materials[0].diffuse_color == (0.18, 0.18, 0.18)
+
+
+def test_a_definition_that_contains_itself_is_a_warning(tmp_path: Path) -> None:
+    own = """<nodedef name="ND_a_color3" node="a">
+    <input name="in" type="color3" value="1, 1, 1" />
+    <output name="out" type="color3" />
+  </nodedef>
+  <nodegraph name="NG_a" nodedef="ND_a_color3">
+    <a name="x" type="color3"><input name="in" type="color3" interfacename="in" /></a>
+    <output name="out" type="color3" nodename="x" />
+  </nodegraph>
+  <a name="C" type="color3" />"""
+    document(tmp_path / "look.mtlx", with_color('<input name="base_color" type="color3" nodename="C" />', own))
+    assert mentions(load_stage(stage(tmp_path)), "/Looks", "look.mtlx", "stand for graphs")
+
+
+@pytest.mark.parametrize("length, expected", [(90, 0.5 + 90 / 256), (3000, None)])
+def test_a_long_chain_of_nodes(tmp_path: Path, length: int, expected: float | None) -> None:
+    """It ends after a hundred nodes, with a warning; no stack is deep enough for any length."""
+    nodes = '<constant name="N0" type="float"><input name="value" type="float" value="0.5" /></constant>'
+    for k in range(length):
+        nodes += f"""<add name="N{k + 1}" type="float">
+    <input name="in1" type="float" nodename="N{k}" />
+    <input name="in2" type="float" value="0.00390625" />
+  </add>"""
+    nodes += f"""<convert name="C" type="color3">
+    <input name="in" type="float" nodename="N{length}" />
+  </convert>"""
+    document(tmp_path / "look.mtlx", with_color('<input name="base_color" type="color3" nodename="C" />', nodes))
+    scene = load_stage(stage(tmp_path))
+    if expected is not None:
+        assert scene.warnings == ()
+        np.testing.assert_allclose(seen_at(scene, [(0.5, 0.5)])["diffuse"], expected, rtol=1e-5)
+    else:
+        assert len(scene.warnings) <= 1
+
+
+def test_values_of_the_wrong_length_are_left_out(tmp_path: Path) -> None:
+    bad = """<input name="base_color" type="color3" value="0.5, 0.25" />
+    <input name="specular_roughness" type="float" value="0.5, 0.5" />
+    <input name="metalness" type="float" value="much" />"""
+    np.testing.assert_allclose(colors(with_color(bad), tmp_path), 0.8, rtol=1e-6)
+
+
+def damaged(text: str, seed: int) -> str:
+    """A file's text with some characters, values and lines that are others', gone, or twice."""
+    random = np.random.default_rng(seed)
+    for _ in range(int(random.integers(1, 6))):
+        choice, lines = random.random(), text.split("\n")
+        place = int(random.integers(len(lines)))
+        if choice < 0.3:
+            at = int(random.integers(len(text)))
+            text = text[:at] + str(random.choice(list('"<>/ 0-,'))) + text[at + int(random.integers(3)) :]
+        elif choice < 0.6:
+            old, new = random.choice(re.findall(r'"([^"]*)"', text) or ["a"], 2)
+            text = text.replace(f'"{old}"', f'"{new}"', 2)
+        else:
+            other = lines[int(random.integers(len(lines)))]
+            text = "\n".join(lines[:place] + ([other] if choice < 0.8 else []) + lines[place + (choice >= 0.8) :])
+    return text
+
+
+@pytest.mark.parametrize("name", ["standard_surface", "graphs", "bsdf_nodes"])
+def test_damaged_files_are_read_or_refused(tmp_path: Path, name: str) -> None:
+    """Whatever is broken in them: a scene, and at most warnings."""
+    text = (LOOKS / f"{name}.mtlx").read_text()
+    materials = re.findall(r'surfacematerial name="(\w+)"', text)
+    for seed in range(25):
+        file = tmp_path / f"{seed}.mtlx"
+        file.write_text(damaged(text, seed))
+        scene = load_stage(_square_of(file, materials[seed % len(materials)]))
+        assert not any("anon:" in line for line in scene.warnings)
+        assert len(scene.materials) == 1
 
 
 def test_a_missing_file_is_named_with_the_prim(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -366,3 +366,13 @@ def test_an_unknown_node_leaves_the_inputs_default() -> None:
 def test_division_by_zero_is_black() -> None:
     nodes = node("X", "ND_divide_color3FA", written({"in1": A, "in2": 0.0}))
     np.testing.assert_allclose(shown(square("ND_surface_unlit", CONNECTED, nodes)), 0.0)
+
+
+def test_a_long_chain_ends_with_a_warning() -> None:
+    nodes = node("X0", "ND_constant_color3", written({"value": A}))
+    for k in range(1500):
+        nodes += node(f"X{k + 1}", "ND_dot_color3", f"color3f inputs:in.connect = </M/X{k}.outputs:out>")
+    short = square("ND_surface_unlit", CONNECTED.replace("/X.", "/X90."), nodes)
+    np.testing.assert_allclose(shown(short)[0], A, rtol=1e-6)
+    long = square("ND_surface_unlit", CONNECTED.replace("/X.", "/X1500."), nodes)
+    assert mentions(long, "/M", "nodes lie one behind the other")

@@ -302,3 +302,12 @@ def test_without_materialx_such_a_node_is_a_warning(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("warpmis.usd.materials.library_graphs.library_graph", lambda kind: None)
     scene = square("ND_disney_principled")
     assert mentions(scene, "/M", "ND_disney_principled", "not supported")
+
+
+def test_a_long_chain_of_bsdf_nodes_ends_with_a_warning() -> None:
+    nodes = bsdf("N0", "oren_nayar_diffuse_bsdf")
+    for k in range(1500):
+        nodes += bsdf(f"N{k + 1}", "multiply_bsdfF", f"token inputs:in1.connect = </M/N{k}.outputs:out>")
+    scene = surface(nodes, "token inputs:bsdf.connect = </M/N90.outputs:out>")
+    np.testing.assert_allclose(seen(scene, "diffuse"), 0.18, rtol=1e-6)
+    assert len(surface(nodes, "token inputs:bsdf.connect = </M/N1500.outputs:out>").warnings) == 1

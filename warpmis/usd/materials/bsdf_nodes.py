@@ -26,6 +26,7 @@ from warpmis.usd.materials.layered_surface import (
 )
 from warpmis.usd.materials.materialx_network import MaterialXNetwork
 from warpmis.usd.materials.pattern import Pattern, constant
+from warpmis.usd.materials.pattern_network import LONGEST_CHAIN
 
 # The width of facets where a node says nothing: alpha, the square of a roughness.
 DEFAULT_ALPHA = 0.05
@@ -113,10 +114,11 @@ class BsdfReader:
         if attribute is None or not str(attribute.GetName()).startswith("outputs:"):
             return nothing
         key = attribute.GetPath(), type(nothing)
-        if key not in self.found:
+        pending = sum(found is None for found in self.found.values())
+        if key not in self.found and pending < LONGEST_CHAIN:
             self.found[key] = None
             self.found[key] = read(UsdShade.Shader(attribute.GetPrim()))
-        if self.found[key] is None:
+        if self.found.get(key) is None:
             self.network.reading.warn(self.network.path, f"{key[0]} is connected to itself in a circle; it is not used")
             return nothing
         return self.found[key]

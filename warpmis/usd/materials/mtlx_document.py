@@ -19,8 +19,8 @@ from warpmis.usd.materials.materialx_network import is_pattern_node
 from warpmis.usd.materials.mtlx_writer import MATERIALS, ROOT, DocumentWriter, standard_library
 
 INSTALL = 'it needs MaterialX: pip install "warpmis[materialx]"'
-# Graphs within graphs; a file that needs more is taken for a circle.
-MAX_FLATTENINGS = 8
+# Nodes that graphs replace; a file with more contains itself.
+MAX_FLATTENED = 4000
 
 
 class MtlxError(ValueError):
@@ -67,19 +67,26 @@ def _document(resolved_path: str) -> Any:
             MaterialX.readFromXmlString(document, asset_bytes(resolved_path).decode("utf-8"))
         own = document.getNodeGraphs()
         document.setDataLibrary(standard_library())
-        for _ in range(MAX_FLATTENINGS):
-            before = MaterialX.writeToXmlString(document)
-            for graph in [document, *(graph for graph in own if not graph.getNodeDefString())]:
-                graph.flattenSubgraphs(filter=_is_unknown)
-            if MaterialX.writeToXmlString(document) == before:
-                break
+        flattening = Flattening()
+        for graph in [document, *(graph for graph in own if not graph.getNodeDefString())]:
+            graph.flattenSubgraphs(filter=flattening)
+        if flattening.count > MAX_FLATTENED:
+            raise MtlxError(f"more than {MAX_FLATTENED} nodes stand for graphs, or one for itself")
     except (*failures, PictureError, UnicodeDecodeError) as error:
         raise MtlxError(" ".join(str(error).split())) from None
     return document
 
 
-def _is_unknown(node: Any) -> bool:
-    """Whether a node can be replaced by a graph, and must be."""
-    definition = node.getNodeDef()
-    kind = definition.getName() if definition else ""
-    return bool(kind) and not (is_materialx(kind) or is_pattern_node(kind) or is_bsdf_node(kind))
+class Flattening:
+    """Says of each node whether it is replaced by a graph: where it can be and must be, and up to so many."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, node: Any) -> bool:
+        definition = node.getNodeDef()
+        kind = definition.getName() if definition else ""
+        if not kind or is_materialx(kind) or is_pattern_node(kind) or is_bsdf_node(kind):
+            return False
+        self.count += 1
+        return self.count <= MAX_FLATTENED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from functools import cache
 from typing import Any
@@ -24,6 +25,7 @@ TYPES = {
     "string": Sdf.ValueTypeNames.String,
     "filename": Sdf.ValueTypeNames.Asset,
 }
+WIDTHS = {"color3": 3, "color4": 4, "vector2": 2, "vector3": 3, "vector4": 4}
 COLORED = ("color3", "color4", "filename")
 
 
@@ -41,6 +43,10 @@ def standard_library() -> Any:
     return library
 
 
+# Nodes one behind the other; a chain that is longer ends there.
+LONGEST_CHAIN = 100
+
+
 class DocumentWriter:
     """Writes a document's materials to a stage, each node once below each material that uses it."""
 
@@ -48,6 +54,7 @@ class DocumentWriter:
         self.stage = stage
         self.source = source
         self.document = document
+        self.depth = 0
 
     def material(self, node: Any) -> None:
         path = MATERIALS.AppendChild(_prim_name(node.getName()))
@@ -79,11 +86,11 @@ class DocumentWriter:
             return self._connection(inner, parent, scope)
         if graph_name:
             graph = self.document.getNodeGraph(graph_name)
-            return None if graph is None else self._graph(graph, parent).AppendProperty(f"outputs:{_of(graph, output)}")
+            return None if graph is None else self._graph(graph, parent).AppendProperty(_output(_of(graph, output)))
         node = scope.getNode(name) if name else None
         if node is None:
             return None
-        return self._node(node, parent, scope).AppendProperty(f"outputs:{output or 'out'}")
+        return self._node(node, parent, scope).AppendProperty(_output(output or "out"))
 
     def _node(self, node: Any, parent: Any, scope: Any) -> Any:
         """The path of a node's shader."""
@@ -95,9 +102,11 @@ class DocumentWriter:
         shader.CreateIdAttr(definition.getName() if definition else f"ND_{node.getCategory()}_{node.getType()}")
         outputs = definition.getActiveOutputs() if definition else []
         for name, kind in {each.getName(): each.getType() for each in outputs}.items() or {("out", node.getType())}:
-            shader.CreateOutput(name, TYPES.get(kind, Sdf.ValueTypeNames.Token))
-        for each in node.getActiveInputs():
+            shader.CreateOutput(_prim_name(name), TYPES.get(kind, Sdf.ValueTypeNames.Token))
+        self.depth += 1
+        for each in node.getActiveInputs() if self.depth <= LONGEST_CHAIN else ():
             self._input(shader, each, parent, scope)
+        self.depth -= 1
         return path
 
     def _graph(self, graph: Any, parent: Any) -> Any:
@@ -113,7 +122,7 @@ class DocumentWriter:
 
     def _outputs(self, found: Any, graph: Any, path: Any) -> None:
         for each in graph.getActiveOutputs():
-            output = found.CreateOutput(each.getName(), TYPES.get(each.getType(), Sdf.ValueTypeNames.Token))
+            output = found.CreateOutput(_prim_name(each.getName()), TYPES.get(each.getType(), Sdf.ValueTypeNames.Token))
             source = self._connection(each, path, graph)
             if source is not None:
                 output.GetAttr().SetConnections([source])
@@ -151,9 +160,11 @@ class DocumentWriter:
             return None
         try:
             numbers = [float(number) for number in text.split(",")]
-            return int(numbers[0]) if kind == "integer" else numbers[0] if kind == "float" else tuple(numbers)
         except ValueError:
             return None
+        if len(numbers) != WIDTHS.get(kind, 1) or not all(map(math.isfinite, numbers)):
+            return None
+        return int(numbers[0]) if kind == "integer" else numbers[0] if kind == "float" else tuple(numbers)
 
     def _file(self, path: str) -> str:
         """A path that the MaterialX file names, from the place of that file on."""
@@ -172,3 +183,7 @@ def _of(graph: Any, output: str) -> str:
 
 def _prim_name(name: str) -> str:
     return str(Tf.MakeValidIdentifier(name))
+
+
+def _output(name: str) -> str:
+    return f"outputs:{_prim_name(name)}"

@@ -21,6 +21,9 @@ from warpmis.usd.materials.pattern import (
 )
 from warpmis.usd.materials.shading_network import ShadingNetwork, is_input
 
+# Nodes one behind the other.
+LONGEST_CHAIN = 100
+
 
 @dataclass(eq=False)
 class PatternNetwork(ShadingNetwork):
@@ -57,6 +60,11 @@ class PatternNetwork(ShadingNetwork):
         path = attribute.GetPath()
         if path in self.pending:
             self.reading.warn(self.path, f"{path} is connected to itself in a circle; it is not used")
+            return None
+        if path not in self.patterns and len(self.pending) >= LONGEST_CHAIN:
+            self.reading.warn(
+                self.path, f"more than {LONGEST_CHAIN} nodes lie one behind the other; the last are not used"
+            )
             return None
         if path not in self.patterns:
             self.pending.append(path)
