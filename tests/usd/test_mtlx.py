@@ -210,6 +210,13 @@ def test_the_callers_session_layer_counts(tmp_path: Path) -> None:
     assert_is_paint(load_stage(opened))
 
 
+def test_a_stage_without_a_session_layer(tmp_path: Path) -> None:
+    document(tmp_path / "look.mtlx")
+    opened = Usd.Stage.Open(Sdf.Layer.FindOrOpen(str(stage(tmp_path))), sessionLayer=None)
+    assert not opened.GetSessionLayer()
+    assert_is_paint(load_stage(opened))
+
+
 def test_a_file_within_a_package(tmp_path: Path) -> None:
     document(tmp_path / "look.mtlx")
     with Sdf.ZipFileWriter.CreateNew(str(tmp_path / "all.usdz")) as package:

@@ -51,13 +51,13 @@ def open_stage(
 def with_mtlx(stage: Any) -> tuple[Any, dict[str, str]]:
     """The stage with translations in the place of MaterialX files that it could not open: itself, or one of our own
     whose session layer may be edited; and why files cannot be read, by their identifier."""
-    arcs = MtlxArcs()
-    root, session = arcs.above(stage.GetRootLayer()), arcs.above(stage.GetSessionLayer())
+    arcs, own = MtlxArcs(), stage.GetSessionLayer()
+    root, session = arcs.above(stage.GetRootLayer()), arcs.above(own) if own else None
     if root is None and session is None:
         return stage, arcs.reasons
     found = _opened(
         root or stage.GetRootLayer(),
-        session or _session_above([stage.GetSessionLayer()]),
+        session or _session_above([own] if own else []),
         stage.GetPopulationMask(),
         stage.GetPathResolverContext(),
         stage.GetLoadRules(),
