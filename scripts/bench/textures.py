@@ -2,10 +2,12 @@
 
     python scripts/bench/textures.py [--size 2048] [--repeats 9] [--method auto]
     python scripts/bench/textures.py --files [--size 8192]     reading and memory of four pictures, nothing else
+    python scripts/bench/textures.py --lookups [--size 1024]   one evaluation of each material, nothing else
 
 A wavy surface under a dome and a lamp, all in view; whole frames, learning included, the variants in turn, one thread.
 Medians over the repeats. --files writes a colour (JPEG), roughness, metallic (grey PNG) and normals (RGB PNG), reads
-them by a stage, and renders one small frame.
+them by a stage, and renders one small frame. --lookups takes the shortest of 400 short runs, in turn, which other
+programs disturb less than a frame.
 """
 
 from __future__ import annotations
@@ -17,16 +19,26 @@ import resource
 import statistics
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import warp as wp
 
 from warpmis import Progress, load_stage, render
+from warpmis.device.upload import upload
+from warpmis.device.views import SceneView
+from warpmis.kernels.hit import NO_INSTANCE
+from warpmis.kernels.material import make_material
 from warpmis.scene import Camera, DomeLight, Material, Prim, RectLight, Scene
+from warpmis.scene.features import detect
 from warpmis.scene.geometry import Geometry
 from warpmis.scene.texture import Texture, TextureLookup
 
 SPP = 64
+
+# Evaluations of a material in one short run.
+POINTS = 64 * 600
 
 
 def wavy_surface(side: int) -> Geometry:
@@ -194,14 +206,57 @@ def measure_files(size: int) -> None:
         print(f"peak:   {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10:6.0f} MiB of the process")
 
 
+def evaluation(scene: Scene) -> tuple[Callable[[], float], object]:
+    """A function that evaluates the material at POINTS points and tells the seconds of one; and what it reads.
+
+    64 points each are in one triangle, as the samples of a pixel are.
+    """
+    at = make_material(detect(scene)).at
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def evaluate(
+        scene: SceneView, triangles: wp.array(dtype=int), points: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)
+    ):  # type: ignore[no-untyped-def]
+        i = wp.tid()
+        m = at(scene, triangles[i], NO_INSTANCE, points[i][0], points[i][1])
+        out[i] = m.diffuse + m.specular_f0 + m.normal + wp.vec3(m.alpha)
+
+    random = np.random.default_rng(0)
+    triangles = random.integers(0, len(scene.geometry.triangles), POINTS // 64).repeat(64).astype(np.int32)
+    data = upload(scene, "cpu")
+    inputs = [data.view, wp.array(triangles, dtype=int), wp.array(0.5 * random.random((POINTS, 2)), dtype=wp.vec2)]
+    out = wp.zeros(POINTS, dtype=wp.vec3)
+
+    def run() -> float:
+        start = time.perf_counter()
+        wp.launch(evaluate, POINTS, [*inputs, out])
+        return (time.perf_counter() - start) / POINTS
+
+    return run, data
+
+
+def measure_lookups(size: int) -> None:
+    runs = {name: evaluation(scene_of(wavy_surface(100), one, 16)) for name, one in materials(size).items()}
+    best = dict.fromkeys(runs, 1.0)
+    for _ in range(401):
+        for name, (run, _) in runs.items():
+            best[name] = min(best[name], run())
+    for name, seconds in best.items():
+        print(f"{name:28} {1e9 * seconds:6.1f} ns")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=int, help="of the square pictures (2048; with --files 8192)")
+    parser.add_argument("--size", type=int, help="of the square pictures (2048; with --files 8192, --lookups 1024)")
+    parser.add_argument("--lookups", action="store_true", help="measure one evaluation of each material")
     parser.add_argument("--files", action="store_true", help="measure reading and memory of four pictures")
     parser.add_argument("--width", type=int, default=96)
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--method", default="auto")
     options = parser.parse_args()
+    if options.lookups:
+        measure_lookups(options.size or 1024)
+        return
     if options.files:
         measure_files(options.size or 8192)
         return

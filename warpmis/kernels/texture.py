@@ -25,6 +25,8 @@ wp.set_module_options({"enable_backward": False})
 UDIM_COLUMNS = wp.constant(10)
 BYTE = wp.constant(wp.uint32(255))
 SHORT = wp.constant(wp.uint32(65535))
+BLOCK_SHIFT = wp.constant(2)
+assert 1 << BLOCK_SHIFT == BLOCK
 
 
 @wp.func
@@ -110,8 +112,11 @@ def covered(i: int, count: int, mode: int, weights: float) -> float:
 
 @wp.func
 def within_block(i: int, along: int, step: int) -> int:
-    """What a row or a column adds to a texel's place: `along` for each block before it, `step` within its own."""
-    return (i / BLOCK) * along + (i % BLOCK) * step
+    """What a row or a column adds to a texel's place: `along` for each block before it, `step` within its own.
+
+    By shifts, not divisions, which round negative numbers towards 0 and take longer for it: there are none.
+    """
+    return (i >> BLOCK_SHIFT) * along + (i & (BLOCK - 1)) * step
 
 
 @wp.func
@@ -121,10 +126,17 @@ def footprint_in(tile: TileView, s: float, t: float, wrap_s: int, wrap_t: int) -
     y = (1.0 - wrapped(t, wrap_t)) * float(tile.rows) - 0.5
     column = int(wp.floor(x))
     row = int(wp.floor(y))
-    right = (x - float(column)) * presence(column + 1, tile.columns, wrap_s)
-    left = (float(column + 1) - x) * presence(column, tile.columns, wrap_s)
-    lower = (y - float(row)) * presence(row + 1, tile.rows, wrap_t)
-    upper = (float(row + 1) - y) * presence(row, tile.rows, wrap_t)
+    right = x - float(column)
+    left = float(column + 1) - x
+    lower = y - float(row)
+    upper = float(row + 1) - y
+    coverage = float(1.0)
+    if wrap_s == BLACK or wrap_t == BLACK:
+        right *= presence(column + 1, tile.columns, wrap_s)
+        left *= presence(column, tile.columns, wrap_s)
+        lower *= presence(row + 1, tile.rows, wrap_t)
+        upper *= presence(row, tile.rows, wrap_t)
+        coverage = covered(column, tile.columns, wrap_s, left + right) * covered(row, tile.rows, wrap_t, upper + lower)
     at_left = within_block(wrapped_index(column, tile.columns, wrap_s), BLOCK * BLOCK, 1)
     at_right = within_block(wrapped_index(column + 1, tile.columns, wrap_s), BLOCK * BLOCK, 1)
     block_row = tile.blocks * (BLOCK * BLOCK)
@@ -136,7 +148,7 @@ def footprint_in(tile: TileView, s: float, t: float, wrap_s: int, wrap_t: int) -
     f.lower_left = at_lower + at_left
     f.lower_right = at_lower + at_right
     f.weights = wp.vec3(upper * right, lower * left, lower * right)
-    f.coverage = covered(column, tile.columns, wrap_s, left + right) * covered(row, tile.rows, wrap_t, upper + lower)
+    f.coverage = coverage
     return f
 
 
@@ -201,8 +213,8 @@ def filtered(varying: wp.array(dtype=VaryingView), tile: TileView, f: Footprint,
         return f.coverage
     texels = varying[0].texels
     byte_values = varying[0].byte_values
-    first = tile.first + place / 4
-    shift = wp.uint32(8 * (place % 4))
+    first = tile.first + (place >> 2)
+    shift = wp.uint32(8 * (place & 3))
     return interpolated_texels(
         f,
         decoded(byte_values, tile.encoding, channel, texels[first + f.upper_left * tile.stride] >> shift),
@@ -220,14 +232,14 @@ def filtered_color(varying: wp.array(dtype=VaryingView), tile: TileView, f: Foot
     texels = varying[0].texels
     byte_values = varying[0].byte_values
     table = wp.where(tile.encoding == SRGB_BYTES, 256, 0)
-    first = tile.first + place_of(tile, 0) / 4
+    first = tile.first + (place_of(tile, 0) >> 2)
     upper_left = texels[first + f.upper_left * tile.stride]
     upper_right = texels[first + f.upper_right * tile.stride]
     lower_left = texels[first + f.lower_left * tile.stride]
     lower_right = texels[first + f.lower_right * tile.stride]
     color = wp.vec3()
     for channel in range(3):
-        shift = wp.uint32(8 * (place_of(tile, channel) % 4))
+        shift = wp.uint32(8 * (place_of(tile, channel) & 3))
         color[channel] = interpolated_texels(
             f,
             byte_values[table + int((upper_left >> shift) & BYTE)],
