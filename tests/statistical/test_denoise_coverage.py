@@ -1,7 +1,7 @@
 """The error that a denoised render promises, against references, over 20 seeds.
 
-The promise holds with about 97 % confidence. Of 20 renders 4 or more break it with a probability of 0.3 % if that is so
-(binomial, p = 0.03). If it held for 70 % of renders alone, 4 or more of 20 would break it with 89 % probability, and
+The promise holds with about 95 % confidence. Of 20 renders 4 or more break it with a probability of 1.6 % if that is so
+(binomial, p = 0.05). If it held for 70 % of renders alone, 4 or more of 20 would break it with 89 % probability, and
 the test would see it. The error is relMSE as everywhere, without the worst thousandth of the pixels.
 """
 

@@ -64,7 +64,7 @@ class ErrorEstimate:
 
     @property
     def bound(self) -> float:
-        """The relative error (root of relMSE) that the picture stays below with about 97 % confidence.
+        """The relative error (root of relMSE) that the picture stays below with about 95 % confidence.
 
         Where rare bright pixels carry much of the light the estimate reads low, so this is for display as a bound.
         """

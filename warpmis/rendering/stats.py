@@ -39,7 +39,7 @@ class DenoiseStats(TypedDict):
 
     Keys:
         seconds: wall clock time of denoising [s].
-        relative_error_bound: the denoised picture's relative error is below this with about 97 % confidence, 0.02 is
+        relative_error_bound: the denoised picture's relative error is below this with about 95 % confidence, 0.02 is
             2 %. Where rare bright pixels carry much of the light the actual error may be larger.
         relative_mse, standard_error: relMSE of the denoised picture, below 0 by chance where it is small, and its
             standard error; noisy_relative_mse: that of the noisy picture.
