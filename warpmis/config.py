@@ -168,6 +168,8 @@ class RenderConfig:
         if not re.fullmatch(r"cpu|cuda(:\d+)?", self.device):
             raise ConfigError(f"unknown device '{self.device}'; choose cpu, cuda or cuda:0")
         object.__setattr__(self, "strategies", _checked_strategies(self.strategies, self.method))
+        if self.how.counts and self.strategies != DEFAULT_STRATEGIES:
+            raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
         object.__setattr__(self, "allocation", self._checked_allocation())
         object.__setattr__(self, "aov", checked_aovs(self.aov))
         if self.strategy_choice not in STRATEGY_CHOICES:

@@ -27,6 +27,7 @@ class Method:
         cost_aware: variance x cost is minimised, not variance alone.
         learn_share: share of the budget that is spent on learning unless the caller says otherwise.
         max_rounds: most learn rounds that the budget may be divided into.
+        counts: several light samples and paths at the first vertex, as many as a pilot finds best.
         cache: a spatial cache guides the paths at every vertex.
         tries: only where it pays, by a trial.
     """
@@ -44,6 +45,7 @@ class Method:
     cost_aware: bool = False
     learn_share: float = 0.5
     max_rounds: int = 8
+    counts: bool = False
     cache: bool = False
     tries: bool = False
 
@@ -97,6 +99,11 @@ METHODS: dict[str, Method] = {
         cost_aware=True,
         learn_share=0.125,
         max_rounds=4,
+    ),
+    "counts": Method(
+        summary="nee with as many light samples and paths at the first vertex as a pilot finds best",
+        two_strategies=True,
+        counts=True,
     ),
     "guided": Method(
         summary="a spatial cache learns directions, shares, roulette and shadow rays at every vertex", cache=True

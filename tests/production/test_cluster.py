@@ -59,6 +59,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "nee": {"method": "nee"},
     "auto": {"method": "auto"},
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
+    "counts": {"method": "counts"},
     "guided": {"method": "guided"},
     "guided with AOVs": {"method": "guided", "aov": ("diffuse", "emission"), "cryptomatte": True},
     "auto to a target": {"method": "auto", "target_error": 0.1, "spp": 128},

@@ -27,6 +27,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled"},
     "cost-aware": {"method": "cost-aware"},
     "auto": {"method": "auto"},
+    "counts": {"method": "counts"},
     "guided": {"method": "guided"},
 }
 # Bias of the picture's mean that is caught with a probability of 99 %: between any two methods of which none is BSDF

@@ -15,6 +15,7 @@ from warpmis.kernels.rng import (
     CHOICE,
     EVENT,
     LIGHT,
+    ONE_MINUS_EPSILON,
     SCATTER,
     RngKey,
     bits4,
@@ -38,6 +39,13 @@ def choice(key: RngKey) -> float:
     """
     shift = bits4(key.seed, key.pixel, key.round, CHOICE)[0]
     return to_unit(shift + (key.sample - key.round) * key.lattice[0])
+
+
+@wp.func
+def moved_on(u: float, step: wp.uint32, part: float) -> float:
+    """A coordinate, part of the way from its point to the lattice's next one."""
+    moved = u + to_unit(step) * part
+    return wp.min(moved - wp.floor(moved), ONE_MINUS_EPSILON)
 
 
 @wp.func

@@ -10,14 +10,34 @@ from warpmis.scene.features import Features
 wp.set_module_options({"enable_backward": False})
 
 
+PARTS = 6
+vec_parts_d = wp.types.vector(length=PARTS, dtype=wp.float64)
+no_moments = wp.types.vector(length=1, dtype=wp.float64)
+
+
 @wp.func
 def ray_cost(rays: int, shadow_rays: int) -> float:
     """In units of a path's ray with the vertex at its end."""
     return float(rays) + SHADOW_RAY_COST * float(shadow_rays)
 
 
+def make_sums_of_parts(PathState: type, is_on: bool) -> SimpleNamespace:
+    """The same for kernels with counts of samples, whose moments are the sums of path/parts.py."""
+    vec_k = vec_parts_d if is_on else no_moments
+
+    @wp.func
+    def add(sums: wp.ref[vec_k], path: wp.ref[PathState], direct_only: bool):
+        if wp.static(is_on):
+            for i in range(wp.static(PARTS)):
+                sums[i] += wp.float64(path.record.sums[i])
+
+    return SimpleNamespace(vec_k=vec_k, is_on=is_on, add=add)
+
+
 def make_learning(features: Features, path: SimpleNamespace) -> SimpleNamespace:
     """The type vec_k of a pixel's moments; is_on, whether there are any; and add, which adds a path to them."""
+    if features.allocation == "counts":
+        return make_sums_of_parts(path.PathState, "parts" in features.statistics)
     strategies = path.strategies
     layout = Layout(strategies.count if strategies.count > 1 else 0, features.statistics)
     moments = make_moments(layout)

@@ -24,8 +24,8 @@ from warpmis.device.upload import Uploads, upload
 from warpmis.errors import StageError, WarpmisError
 from warpmis.learn.schedule import Round
 from warpmis.rendering.fingerprint import program_fingerprint, scene_fingerprint
-from warpmis.rendering.guided import GuidedIntegrator
 from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.rendering.kinds import integrator_of
 from warpmis.scene import Scene
 from warpmis.scene.features import Features
 
@@ -190,5 +190,5 @@ def _integrator_of(job: Job) -> Integrator:
     compiler = Compiler(config.device)
     compiler.wait(tree_kernels(config.device))
     on_device = upload(scene, config.device, config.mis_compensation, config.ids, _uploads)
-    kind = GuidedIntegrator if config.how.cache else Integrator
+    kind = integrator_of(config)
     return kind(on_device, job.features, config, allocation_of(config, *scene.resolution), compiler)

@@ -14,8 +14,8 @@ from warpmis.errors import Interrupted
 from warpmis.learn.schedule import Round
 from warpmis.rendering.checkpoint import CheckpointPart
 from warpmis.rendering.cluster import Farm
-from warpmis.rendering.guided import GuidedIntegrator
-from warpmis.rendering.integrator import Integrator, allocation_of
+from warpmis.rendering.integrator import allocation_of
+from warpmis.rendering.kinds import integrator_of
 from warpmis.rendering.reporter import Reporter
 from warpmis.rendering.result import RenderResult
 from warpmis.rendering.run import Run
@@ -92,7 +92,7 @@ def begin(
     reporter.phase("load")
     compiler.wait(tree_kernels(config.device))
     device_scene = upload(scene, config.device, config.mis_compensation, config.ids or config.cryptomatte, uploads)
-    kind = GuidedIntegrator if config.how.cache else Integrator
+    kind = integrator_of(config)
     integrator = kind(device_scene, features, config, allocation_of(config, *scene.resolution), compiler)
     reporter.total = config.spp * integrator.pixels
     if config.stops:

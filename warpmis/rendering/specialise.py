@@ -12,6 +12,8 @@ from warpmis.config import RenderConfig
 from warpmis.device.compilation import Compilation, Compiler
 from warpmis.device.trees import tree_kernels, tree_of
 from warpmis.device.upload import check_device
+from warpmis.kernels.trace import make_trace
+from warpmis.rendering.counted import pilot_kernel, plain_kernel
 from warpmis.rendering.guided import guided_kernels
 from warpmis.rendering.kernel_choice import camera_kernels, learner_of, trace_kernels
 from warpmis.rendering.reporter import ProgressCallback, Reporter
@@ -24,6 +26,7 @@ def features_of(scene: Scene, config: RenderConfig, features: Features | None = 
     strategies = config.strategies if config.method != "nee" and not config.how.cache else ()
     features = features or detect(scene).with_depth(config.max_depth)
     features = features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
+    features = features.with_allocation("counts" if config.how.counts else "shares")
     features = features.with_contributions("apart" if asks_for_light(config.aov) else "summed")
     return features.with_tree(tree_of(config.device))
 
@@ -53,6 +56,8 @@ def kernels_of(features: Features, config: RenderConfig) -> RunKernels:
         if config.how.tries:
             return RunKernels((plain, *tree, *ids), tuple(guided))
         return RunKernels((*guided, *tree, *ids), (plain,))
+    if config.how.counts:
+        return RunKernels((pilot_kernel(features), *tree, plain_kernel(features), *ids), (make_trace(features),))
     learn, shared = trace_kernels(features)
     return RunKernels((learn, *tree, *learner_of(features, config, (1, 1)).kernels, shared, *ids), ())
 

@@ -44,6 +44,7 @@ class Features:
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
         cache: a spatial cache guides paths at every vertex.
+        allocation: what a pixel's numbers are: "shares" of the strategies in one direction, or "counts" of samples.
         contributions: "summed", or "apart": light is kept apart by the path that it took, for AOVs.
         sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
         tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.
@@ -85,6 +86,7 @@ class Features:
     strategies: tuple[str, ...] = ()
     statistics: tuple[str, ...] = ()
     cache: bool = False
+    allocation: str = "shares"
     contributions: str = "summed"
     sampler: str = "lattice"
     tree: str = "wide"
@@ -118,6 +120,9 @@ class Features:
 
     def with_cache(self) -> Features:
         return replace(self, cache=True)
+
+    def with_allocation(self, allocation: str) -> Features:
+        return replace(self, allocation=allocation)
 
     def with_contributions(self, contributions: str = "summed") -> Features:
         return replace(self, contributions=contributions)

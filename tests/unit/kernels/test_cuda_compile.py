@@ -31,12 +31,15 @@ MOST = replace(
 )
 POOLED = Layout(2, METHODS["pooled"].statistics)
 COST_AWARE = METHODS["cost-aware"].statistics
+COUNTS = FEW.with_strategies(DEFAULT_STRATEGIES).with_allocation("counts")
 KERNELS = {
     "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
     "trace, every effect, next-event estimation": lambda: make_trace(EVERY),
     "trace, no effect": lambda: make_trace(Features().with_tree("warp")),
     "trace, few effects, every strategy": lambda: make_trace(FEW.with_strategies(STRATEGIES)),
     "trace, few effects, cost-aware": lambda: make_trace(FEW.with_strategies(DEFAULT_STRATEGIES, COST_AWARE)),
+    "trace, few effects, counts": lambda: make_trace(COUNTS),
+    "trace, few effects, pilot of counts": lambda: make_trace(COUNTS.with_strategies(DEFAULT_STRATEGIES, ("parts",))),
     "trace, most effects, next-event estimation": lambda: make_trace(MOST),
     "trace, every effect, guided": lambda: make_trace(EVERY.with_cache()),
     "identify, every effect": lambda: make_identify(EVERY),

@@ -72,6 +72,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "nee": {"method": "nee"},
     "auto": {"method": "auto"},
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
+    "counts": {"method": "counts"},
     "guided": {"method": "guided"},
     "guided to a target": {"method": "guided", "target_error": 0.05, "spp": 512},
     "guided with AOVs": {"method": "guided", "aov": ("diffuse", "emission"), "cryptomatte": True},

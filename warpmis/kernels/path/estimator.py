@@ -3,9 +3,11 @@
 from types import SimpleNamespace
 
 from warpmis.kernels.path.contributions import make_contributions, scattering_type
+from warpmis.kernels.path.counts import CountsEstimate, make_counts
 from warpmis.kernels.path.guided import make_guided, make_guided_estimate
 from warpmis.kernels.path.mixture import make_densities, make_estimate, make_mixture
 from warpmis.kernels.path.next_event import NoEstimate, make_next_event
+from warpmis.kernels.path.parts import make_parts, parts_type
 from warpmis.kernels.path.record import NoRecord, Record, make_record, no_record
 from warpmis.kernels.path.state import make_state
 from warpmis.kernels.path.throughput import make_roulette
@@ -19,7 +21,8 @@ def make_estimator(
 ) -> SimpleNamespace:
     """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, `strategies`.
 
-    By the spatial cache where there is one. Else next-event estimation without strategies, and with them their mixture.
+    By the spatial cache where there is one, or by counts of samples where pixels have those. Else next-event estimation
+    without strategies, and with them their mixture.
     """
     strategies = make_strategies(features, surface, lights)
     Scattering = scattering_type(features)
@@ -28,6 +31,17 @@ def make_estimator(
         contributions = make_contributions(features, PathState)
         record = make_vertex_records(PathState)
         estimator = make_guided(PathState, strategies.vec_s, surface, direct_light, record, contributions)
+        estimator.record = record
+    elif features.allocation == "counts":
+        learns = "parts" in features.statistics
+        PathState = make_state(CountsEstimate, parts_type(learns), Scattering)
+        contributions = make_contributions(features, PathState)
+        record = make_parts(PathState, learns)
+        survives = make_roulette(features, PathState, record).survives
+        next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
+        estimator = make_counts(
+            PathState, strategies, surface, lights, direct_light, next_event, contributions, record, survives
+        )
         estimator.record = record
     elif not features.strategies:
         PathState = make_state(NoEstimate, NoRecord, Scattering)
@@ -43,7 +57,7 @@ def make_estimator(
         # Of paths that end behind the mixture's vertex none comes to a vertex without one.
         estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
         estimator.record = record
-    if not features.cache:
+    if not hasattr(estimator, "survives"):
         estimator.survives = make_roulette(features, PathState, estimator.record).survives
     estimator.PathState = PathState
     estimator.contributions = contributions

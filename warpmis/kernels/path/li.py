@@ -55,6 +55,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     vertices = make_vertex(features, PathState, surface, lights, direct_light, contributions)
     throughput = make_throughput(features, surface, estimator)
     sampler = make_sampler(features)
+    branches = features.allocation == "counts"
     has_events = features.smooth or features.opacity or features.transmission
 
     @wp.func
@@ -70,16 +71,11 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
         return path
 
     @wp.func
-    def Li(
-        scene: SceneView, ray: CameraRay, key: rng.RngKey, allocation: vec_s, u_choice: float, max_depth: int
-    ) -> PathState:
-        """The path of a camera ray, of at most `max_depth` bounces after the first hit; its L is the radiance.
-
-        allocation: shares of the strategies, where there are any; u_choice: in [0, 1), makes the choices at the first
-        vertex that is no mirror: of the strategy, then of a light and a lobe, then where the direction goes.
-        """
-        path = camera_path(scene, ray, key, allocation, u_choice)
-        for step in range(max_depth + 1 + MAX_TRANSPARENT):
+    def follow(
+        scene: SceneView, path: wp.ref[PathState], ray: CameraRay, key: rng.RngKey, first_step: int, max_depth: int
+    ):
+        """Go on with a path from a step on, until it ends."""
+        for step in range(first_step, max_depth + 1 + MAX_TRANSPARENT):
             # Follow the ray to a surface; surfaces beyond the camera's clipping planes are not in view.
             hit = intersect.closest_hit(scene, path.origin, path.wi)
             path.rays += 1
@@ -160,6 +156,33 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
             # Go on with the throughput in that direction, unless Russian roulette ends the path.
             if not throughput.update(scene, path, vertex, key, step):
                 break
+
+    @wp.func
+    def Li(
+        scene: SceneView, ray: CameraRay, key: rng.RngKey, allocation: vec_s, u_choice: float, max_depth: int
+    ) -> PathState:
+        """The path of a camera ray, of at most `max_depth` bounces after the first hit; its L is the radiance.
+
+        allocation: of the strategies, where there are any; u_choice: in [0, 1), makes the choices at the first
+        vertex that is no mirror: of the strategy, then of a light and a lobe, then where the direction goes.
+        """
+        path = camera_path(scene, ray, key, allocation, u_choice)
+        if wp.static(branches):
+            branch = int(0)
+            while branch == 0 or branch < path.estimate.branches:
+                own = key
+                first_step = int(0)
+                goes_on = bool(True)
+                if branch > 0:
+                    own = estimator.begin_branch(path, key, branch)
+                    first_step = path.estimate.step + 1
+                    goes_on = throughput.update(scene, path, path.estimate.vertex, own, path.estimate.step)
+                if goes_on:
+                    follow(scene, path, ray, own, first_step, max_depth)
+                record.branch(path, branch, path.estimate.branches)
+                branch += 1
+        else:
+            follow(scene, path, ray, key, 0, max_depth)
         record.end(scene, path)
         return path
 

@@ -1,0 +1,52 @@
+"""Any counts of light samples and paths at the first vertex leave the picture unbiased, and so does a pilot.
+
+Paired t-tests over seeds against next-event estimation, Sidak-corrected; the power is asserted too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from statistical.estimates import REGIONS, block_means, caught_bias, estimates, load, paired_p_values
+from stats import sidak
+
+import warpmis
+from warpmis.rendering import counted
+
+SIGNIFICANCE = 0.01
+SEEDS = 40
+GIVEN = ((0, 1), (2, 1), (4, 1), (1, 2), (2, 2), (1, 4), (4, 3))
+SCENES = {"room": 0.03, "hidden_light": 0.03}
+LEVEL = sidak(SIGNIFICANCE, (len(GIVEN) * len(SCENES) + 1) * REGIONS)
+
+
+def only_pilots_decide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pilots also in pictures of 24 x 24 pixels with few samples."""
+    monkeypatch.setattr(counted, "PILOT_PART", 1e9)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_given_counts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    only_pilots_decide(monkeypatch)
+    reference = estimates(name, SEEDS, spp=128, method="nee")
+    for lights, paths in GIVEN:
+        monkeypatch.setattr(counted, "best_counts", lambda *_, given=(lights, paths): given)
+        found = estimates(name, SEEDS, spp=64, method="counts")
+        assert paired_p_values(found, reference).min() > LEVEL, (lights, paths)
+        if lights > 0:  # without them few paths find the lamp
+            assert caught_bias(found, reference, LEVEL) < SCENES[name], (lights, paths)
+
+
+def test_a_pilot_that_decides_by_chance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rounds of two samples in a few pixels: what comes out of them is noise, and must not be in the picture."""
+    only_pilots_decide(monkeypatch)
+    for name, value in (("PILOT_ROUNDS", 2), ("PILOT_SAMPLES", 2), ("PILOT_PIXELS", 36)):
+        monkeypatch.setattr(counted, name, value)
+    scene = load("room")
+    results = [warpmis.render(scene, method="counts", spp=16, seed=seed) for seed in range(150)]
+    chosen = {tuple(result.allocation[0, 0].round(2).tolist()) for result in results}
+    assert len(chosen) >= 3
+    found = np.array([block_means(result.image) for result in results])
+    reference = estimates("room", 150, spp=64, method="nee")
+    assert paired_p_values(found, reference).min() > LEVEL
+    assert caught_bias(found, reference, LEVEL) < 0.02
