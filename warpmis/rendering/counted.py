@@ -6,7 +6,6 @@ The pilot has random numbers of its own, and none of its samples are in the pict
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,10 @@ from warpmis.learn.sample_counts import Cost, best_counts
 from warpmis.learn.schedule import Round
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.round_view import round_view
-from warpmis.rendering.tracer import Pass
+from warpmis.rendering.tracer import Target
 from warpmis.scene.features import Features
 
+vec1f = wp.types.vector(length=1, dtype=wp.float32)
 PILOT_SEED = 0x2C0FFEE5
 # Rounds of so many samples in about so many pixels, and in no more than this part of the picture's samples.
 PILOT_ROUNDS, PILOT_SAMPLES, PILOT_PIXELS = 8, 16, 1024
@@ -43,13 +43,6 @@ def plain_kernel(features: Features) -> wp.Kernel:
     return make_trace(features.with_strategies(()).with_allocation("shares"))
 
 
-@dataclass(frozen=True)
-class PilotRound(Round):
-    """A round that learns, on every stride-th pixel of every stride-th row."""
-
-    stride: int = 1
-
-
 class CountsIntegrator(Integrator):
     """One render in progress, with counts of samples."""
 
@@ -58,6 +51,7 @@ class CountsIntegrator(Integrator):
         self.pilot_kernel, self.plain_kernel = pilot_kernel(features), plain_kernel(features)
         if compiler is None:
             self.compiler.wait([self.pilot_kernel, self.plain_kernel])
+        self.no_shares = wp.zeros(1, dtype=vec1f, device=config.device)
         self.pilot_rounds: list[NDArray[np.float64]] = []  # means of each round's parts, shape (cells, 6)
         self.pilot_rays = 0
         self.pilot_cost = 0.0  # of all samples so far
@@ -70,13 +64,13 @@ class CountsIntegrator(Integrator):
             stride = max(1, round((self.pixels / pixels) ** 0.5))
             for number in range(PILOT_ROUNDS):
                 first = number * PILOT_SAMPLES
-                yield PilotRound(first, PILOT_SAMPLES, learn=True, label="pilot", is_kept=False, stride=stride)
+                yield Round(first, PILOT_SAMPLES, learn=True, label="pilot", is_kept=False, stride=stride)
         yield Round(0, self.config.spp, learn=False)
 
     def trace(
         self, part: Round, advance: Callable[[int], None], piece: range | None = None, samples: range | None = None
     ) -> None:
-        if not isinstance(part, PilotRound):
+        if not part.learn:
             super().trace(part, advance, piece, samples)
             return
         whole = range(part.first_sample, part.first_sample + part.samples)
@@ -85,22 +79,15 @@ class CountsIntegrator(Integrator):
         self._trace_pilot(part, whole)
         self.end_pass()
 
-    def rows_of(self, part: Round) -> int:
-        return self._cells(part.stride) if isinstance(part, PilotRound) else self.pixels
-
-    def _cells(self, stride: int) -> int:
-        return -(-self.width // stride) * -(-self.height // stride)
-
-    def _trace_pilot(self, part: PilotRound, samples: range) -> None:
-        cells, device = self._cells(part.stride), self.config.device
-        view = round_view(self.config, part, samples, part.stride)
+    def _trace_pilot(self, part: Round, samples: range) -> None:
+        cells, device = self.rows_of(part), self.config.device
+        view = round_view(self.config, part, samples)
         view.seed = (self.config.seed + PILOT_SEED) % 2**32
         film = self._new_film(cells)
         moments = wp.zeros(cells, dtype=vec_parts_d, device=device)
-        shares = wp.full(cells, float(PILOT_COUNT), dtype=self.allocation.shares.dtype, device=device)
+        counts = wp.full(cells, float(PILOT_COUNT), dtype=self.shares.dtype, device=device)
         self.compiler.wait([self.pilot_kernel])
-        passes = [Pass(self.pilot_kernel, wp.empty(0, dtype=wp.uint8, device=device), 0, shares, film, moments)]
-        self._trace(passes, view, np.full(cells, len(samples)), lambda done: None)
+        self._trace(Target(self.pilot_kernel, counts, film, moments), view, lambda done: None)
         accepted = np.maximum(film.accepted.numpy(), 1)
         self.pilot_rounds.append(moments.numpy().astype(np.float64) / accepted[:, np.newaxis])
         self._count(film)
@@ -116,8 +103,10 @@ class CountsIntegrator(Integrator):
         rounds = np.array(self.pilot_rounds)
         lights, paths = best_counts(rounds[..., :RAYS], self._cost(rounds))
         counts = {"light": lights, "bsdf": paths}
-        row = np.array([counts[name] for name in self.config.strategies], dtype=np.float32)
-        self.allocation.shares.assign(np.broadcast_to(row, (self.pixels, len(row))).copy())
+        self._take([counts[name] for name in self.config.strategies])
+
+    def _take(self, counts: list[int]) -> None:
+        self.shares.assign(np.tile(np.array(counts, dtype=np.float32), (self.pixels, 1)))
 
     def _cost(self, rounds: NDArray[np.float64]) -> Cost:
         base = float(rounds[..., RAYS].mean())
@@ -125,11 +114,19 @@ class CountsIntegrator(Integrator):
         whole = self.pilot_cost / len(rounds)
         return Cost(base, lights / PILOT_COUNT, max(whole - base - lights, 0.0) / PILOT_COUNT)
 
-    def _passes(self, learn: bool) -> list[Pass]:
-        passes = [replace(one, moments=self.no_moments) for one in super()._passes(learn)]
+    def target_of(self, part: Round) -> Target:
         if self.counts() == (1, 1):
-            return [replace(one, kernel=self.plain_kernel, allocation=self.no_shares) for one in passes]
-        return passes
+            return Target(self.plain_kernel, self.no_shares, self.film, self.no_moments)
+        return Target(self.kernel, self.shares, self.film, self.no_moments)
+
+    def decisions_of(self, part: Round) -> dict[str, Any]:
+        return {}
+
+    def common_of(self, part: Round) -> dict[str, Any]:
+        return {"counts": list(self.counts())}
+
+    def adopt(self, part: Round, common: dict[str, Any]) -> None:
+        self._take(common["counts"])
 
     # ---- state ------------------------------------------------------------------------------------------------------
 
@@ -146,16 +143,17 @@ class CountsIntegrator(Integrator):
 
     def counts(self) -> tuple[int, ...]:
         """Samples of each strategy at a pixel's first vertex."""
-        return tuple(int(count) for count in self.allocation.shares.numpy()[0])
+        return tuple(int(count) for count in self.shares.numpy()[0])
 
     def allocation_map(self) -> NDArray[np.float32]:
         """Each strategy's part of the samples, shape (H, W, S)."""
-        counts = self.allocation.shares.numpy().reshape(self.height, self.width, -1)
+        counts = self.shares.numpy().reshape(self.height, self.width, -1)
         shares: NDArray[np.float32] = counts / counts.sum(axis=2, keepdims=True)
         return shares
 
-    def next_event_share(self) -> float:
-        return float(self.counts() == (1, 1))
+    def next_event_map(self) -> NDArray[np.float32] | None:
+        """Next-event estimation takes one sample of each."""
+        return np.full((self.height, self.width), float(self.counts() == (1, 1)), np.float32)
 
     def certificate(self, variance: NDArray[np.float32], image: NDArray[np.float32]) -> dict[str, float]:
         """Counts have none."""

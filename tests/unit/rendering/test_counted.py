@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,9 @@ import scenes
 
 import warpmis
 from warpmis import ConfigError
+from warpmis.learn.schedule import Round
 from warpmis.rendering import counted
-from warpmis.rendering.integrator import Integrator
+from warpmis.rendering.tracer import Target
 
 
 def render(**settings: Any) -> warpmis.RenderResult:
@@ -24,8 +24,8 @@ def give(monkeypatch: pytest.MonkeyPatch, lights: int, paths: int) -> None:
     monkeypatch.setattr(counted, "best_counts", lambda *_: (lights, paths))
 
 
-def counted_passes(self: counted.CountsIntegrator, learn: bool) -> list[Any]:
-    return [replace(one, moments=self.no_moments) for one in Integrator._passes(self, learn)]
+def with_counts(self: counted.CountsIntegrator, part: Round) -> Target:
+    return Target(self.kernel, self.shares, self.film, self.no_moments)
 
 
 @pytest.mark.parametrize("sampler", ["lattice", "independent"])
@@ -35,7 +35,7 @@ def test_one_sample_of_each_is_next_event_estimation(sampler: str, monkeypatch: 
     np.testing.assert_array_equal(ours.image, plain.image)
     assert ours.stats["next_event_pixels"] == 1.0
     # Nor does the kernel that takes more find anything else.
-    monkeypatch.setattr(counted.CountsIntegrator, "_passes", counted_passes)
+    monkeypatch.setattr(counted.CountsIntegrator, "target_of", with_counts)
     np.testing.assert_allclose(render(sampler=sampler).image, plain.image, rtol=1e-5)
 
 
