@@ -20,7 +20,8 @@ def render(**settings: Any) -> warpmis.RenderResult:
 
 
 def give(monkeypatch: pytest.MonkeyPatch, lights: int, paths: int) -> None:
-    monkeypatch.setattr(counted, "PILOT_PART", 1e9)
+    for name, value in (("PILOT_PART", 1e9), ("PILOT_ROUNDS", 1), ("PILOT_SAMPLES", 2)):
+        monkeypatch.setattr(counted, name, value)
     monkeypatch.setattr(counted, "best_counts", lambda *_: (lights, paths))
 
 
