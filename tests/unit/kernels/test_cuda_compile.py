@@ -27,7 +27,8 @@ FEW = Features(rect_light=True, dome_constant=True, specular=True, clearcoat=Tru
 MOST = replace(
     FEW,
     **dict.fromkeys(("sphere_light", "delta_light", "mesh_light", "light_tree", "dome_picture", "opacity"), True),
-    **dict.fromkeys(("transmission", "absorption", "instances", "textures", "shading_normals", "shaping"), True),
+    **dict.fromkeys(("transmission", "absorption", "textures", "shading_normals", "shaping"), True),
+    **dict.fromkeys(("instances", "emissive_instances"), True),
 )
 POOLED = Layout(2, METHODS["pooled"].statistics)
 COST_AWARE = METHODS["cost-aware"].statistics
