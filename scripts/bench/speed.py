@@ -112,12 +112,12 @@ def learning(scene: warpmis.Scene, repeats: int) -> Figure:
     spp = 32
     learn = LearnConfig(rounds=1, spp=spp)
     run = integrator(scene, RenderConfig(method="murray20", spp=2 * spp, threads=1, learn=learn))
-    equal = wp.clone(run.allocation.shares)
+    equal = wp.clone(run.shares)
 
     def with_learning() -> None:
         run.trace(Round(0, spp, learn=True), lambda samples: None)
         run.solve(Round(0, spp, learn=True, following=spp))
-        wp.copy(run.allocation.shares, equal)
+        wp.copy(run.shares, equal)
 
     def without() -> None:
         run.trace(Round(0, spp, learn=False), lambda samples: None)
