@@ -151,6 +151,7 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=1280)
     parser.add_argument("--learn-spp", type=int, default=64)
     arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     table = ["| figure | scene | method | efficiency over equal shares |", "|---|---|---|---|"]
     for number in arguments.figure:
         rows = []
