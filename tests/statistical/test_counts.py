@@ -22,7 +22,7 @@ LEVEL = sidak(SIGNIFICANCE, (len(GIVEN) * len(SCENES) + 1) * REGIONS)
 
 def small_pilots(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two rounds of two samples in a few pixels, whatever the picture's samples."""
-    values = {"PILOT_PART": 1e9, "PILOT_ROUNDS": 2, "PILOT_SAMPLES": 2, "PILOT_PIXELS": 36}
+    values = {"FEWEST_PIXELS": 1, "PILOT_PART": 1e9, "PILOT_ROUNDS": 2, "PILOT_SAMPLES": 2, "PILOT_PIXELS": 36}
     for name, value in values.items():
         monkeypatch.setattr(counted, name, value)
 
@@ -45,7 +45,7 @@ def test_a_pilot_that_decides_by_chance(monkeypatch: pytest.MonkeyPatch) -> None
     scene = load("room")
     results = [warpmis.render(scene, method="counts", spp=16, seed=seed) for seed in range(150)]
     chosen = {tuple(result.allocation[0, 0].round(2).tolist()) for result in results}
-    assert len(chosen) >= 3
+    assert len(chosen) >= 2
     found = np.array([block_means(result.image) for result in results])
     reference = estimates("room", 150, spp=64, method="nee")
     assert paired_p_values(found, reference).min() > LEVEL

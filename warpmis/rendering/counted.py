@@ -31,7 +31,7 @@ PILOT_ROUNDS, PILOT_SAMPLES, PILOT_PIXELS = 8, 16, 1024
 PILOT_PART = 1.0 / 32.0
 # Light samples and paths of the pilot.
 PILOT_COUNT = 2
-FEWEST_PIXELS = 16
+FEWEST_PIXELS = 256
 
 
 def pilot_kernel(features: Features) -> wp.Kernel:
