@@ -5,8 +5,8 @@
 A SCENE is a folder of usd_scenes, or a stage. Variance is that between the seeds' pictures, relative to the squared
 brightness and without the worst pixels as in relMSE; it needs no reference. Time is CPU seconds on one thread, pilots
 included, the mean as well. Both are over those of `nee`. Efficiency is 1 / (variance x time), over `nee` and over
-`auto`, and ± is its standard error by a jackknife over the seeds. `counts L,P` takes L light samples and P paths at each
-first vertex, in place of what a pilot finds.
+`auto`, and ± is its standard error by a jackknife over the seeds. `counts L,P` takes L light samples and P paths at
+each first vertex, in place of what a pilot finds.
 """
 
 from __future__ import annotations
