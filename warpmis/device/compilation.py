@@ -83,10 +83,6 @@ class Compiler:
         load = self.loads[kernel.module]
         return not load.found and not load.future.done()
 
-    def place(self, kernel: wp.Kernel) -> int:
-        """The kernel's place among those begun: the first ones are ready first."""
-        return list(self.loads).index(kernel.module)
-
     def wait(self, kernels: Sequence[wp.Kernel]) -> None:
         """Until the kernels can be launched. Ctrl-C ends the wait, not the compiler.
 

@@ -159,8 +159,7 @@ class RoundTracer:
         """Launch a kernel over the rows that are not through."""
         lock = threading.Lock()
         samples = view.end_sample - view.first_sample
-        has_traced = self.traced.any()
-        traced = self.traced.astype(np.uint8) if has_traced else np.zeros(0, np.uint8)
+        traced = self.traced.astype(np.uint8) if self.traced.any() else np.zeros(0, np.uint8)
         skipped = wp.array(traced, dtype=wp.uint8, device=self.config.device)
 
         def launch(piece: Piece) -> None:
