@@ -1,8 +1,8 @@
-"""One kernel for many scenes: rendered with the effects that they call for together, which a set of files shares.
+"""Kernels that tests share: a scene is traced with the effects of a common list on, which hold its own.
 
-An effect that is off costs nothing, one that is on without need a little time; each other set of them costs a kernel,
-which is compiled for seconds. That a scene's own kernel traces the same paths is asserted in
-unit/rendering/test_effects.py.
+An effect that is on without need costs a little time in each sample; a kernel of its own costs seconds to compile. That
+a scene's own kernel traces the same paths is asserted in unit/rendering/test_effects.py. The whole suite by each
+scene's own kernels: `pytest --own-kernels`.
 """
 
 from __future__ import annotations
@@ -27,26 +27,16 @@ LIGHTS = Features(
     shading_normals=True,
     indirect=True,
 )
-CONTROLLED_LIGHTS = dataclasses.replace(
-    LIGHTS,
-    clearcoat=True,
-    shaping=True,
-    ies=True,
-    light_pictures=True,
-    light_tints=True,
-    light_response=True,
-    light_links=True,
-    shadow_links=True,
-)
+# What paths are built differently with is as the scene has it: those kernels are not the same code.
+AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 
 
-def covering(features: Features, scene: warpmis.Scene) -> Features:
-    """The features, of which none that the scene calls for is missing; the tree over the lights as the scene has it."""
+def shared(scene: warpmis.Scene) -> Features:
+    """The first of the common sets of effects that holds those of the scene."""
     own = detect(scene)
-    features = dataclasses.replace(features, light_tree=own.light_tree)
-    missing = effects_of(own) - effects_of(features)
-    assert not missing, f"the scene calls for {missing}"
-    return features
+    kept = {name: getattr(own, name) for name in AS_THE_SCENE_HAS_IT}
+    candidates = (dataclasses.replace(one, **kept) for one in (LIGHTS, Features.all()))
+    return next(features for features in candidates if effects_of(own) <= effects_of(features))
 
 
 def effects_of(features: Features) -> set[str]:

@@ -12,7 +12,6 @@ import math
 import numpy as np
 import pytest
 from pxr import Usd
-from superset import LIGHTS, covering
 
 import warpmis
 
@@ -50,7 +49,7 @@ def mean(text: str, spp: int = 4096, width: int = 8, **settings) -> float:
     stage = Usd.Stage.CreateInMemory()
     assert stage.GetRootLayer().ImportFromString('#usda 1.0\n(upAxis = "Y")\n' + text)
     scene = warpmis.load_stage(stage, width=width)
-    result = warpmis.render(scene, spp=spp, features=covering(LIGHTS, scene), **settings)
+    result = warpmis.render(scene, spp=spp, **settings)
     assert result.stats["rejected_samples"] == 0
     assert np.ptp(result.image, axis=-1).max() <= 1e-4 * result.image.max()
     return float(result.image[..., 0].astype(np.float64).mean())
@@ -251,7 +250,7 @@ def Material "Glow" {
     # The lobe of a UsdPreviewSurface reflects at grazing angles whatever its ior: here a pure Lambertian is wanted.
     lambert = tuple(dataclasses.replace(material, lambertian=True) for material in scene.materials)
     scene = dataclasses.replace(scene, materials=lambert)
-    image = warpmis.render(scene, spp=4096, method=method, max_depth=depth, features=covering(LIGHTS, scene)).image
+    image = warpmis.render(scene, spp=4096, method=method, max_depth=depth).image
     assert image.mean(dtype=np.float64) == pytest.approx(sum(0.6**k for k in range(depth + 1)), rel=0.005)
 
 

@@ -14,19 +14,7 @@ from numpy.typing import NDArray
 
 import warpmis
 from warpmis.scene import Camera, DomeLight, Light, Material, Scene, SphereLight
-from warpmis.scene.features import Features
 
-FEATURES = Features(
-    sphere_light=True,
-    dome_constant=True,
-    mesh_light=True,
-    specular=True,
-    smooth=True,
-    opacity=True,
-    transmission=True,
-    absorption=True,
-    indirect=True,
-)
 DOME = DomeLight("/sky", np.eye(3), np.ones(3))
 LAMP = Material(path="/lamp", diffuse_color=(0.0, 0.0, 0.0), emissive_color=(1.0, 1.0, 1.0), lambertian=True)
 BACKDROP = np.array([(-9, -9, -4), (9, -9, -4), (9, 9, -4), (-9, 9, -4)], dtype=np.float32)
@@ -53,7 +41,7 @@ def straight_on(half_width: float = 0.02) -> Camera:
 
 def picture(scene: Scene, method: str = "nee", **settings: Any) -> NDArray[np.float32]:
     settings = {"spp": 64, "max_depth": 100} | settings
-    result = warpmis.render(scene, method=method, features=FEATURES, **settings)
+    result = warpmis.render(scene, method=method, **settings)
     assert result.stats["rejected_samples"] == 0
     return result.image
 

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd
-from superset import CONTROLLED_LIGHTS, covering
 from usd.lights.test_ies import profile
 from usd.pictures import write
 
@@ -56,8 +55,7 @@ def irradiance(text: str, method: str = "nee", spp: int = 16384, stage_text: str
     stage = Usd.Stage.CreateInMemory()
     assert stage.GetRootLayer().ImportFromString(stage_text + text)
     scene = warpmis.load_stage(stage, width=8)
-    features = covering(CONTROLLED_LIGHTS, scene)
-    result = warpmis.render(scene, spp=spp, method=method, max_depth=1, features=features, **settings)
+    result = warpmis.render(scene, spp=spp, method=method, max_depth=1, **settings)
     assert result.stats["rejected_samples"] == 0
     assert not result.warnings
     return result.image.astype(np.float64).mean(axis=(0, 1)) * math.pi / RHO

@@ -13,18 +13,7 @@ from hard.room import room
 
 import warpmis
 from warpmis.rendering.result import RenderResult
-from warpmis.scene.features import Features
 
-# One kernel a method for all cases, and for the room.
-SHAPES = Features(
-    rect_light=True,
-    disk_light=True,
-    sphere_light=True,
-    cylinder_light=True,
-    dome_constant=True,
-    shading_normals=True,
-    indirect=True,
-)
 CASES = {case.name: case for case in GEOMETRY_CASES}
 
 
@@ -32,7 +21,7 @@ CASES = {case.name: case for case in GEOMETRY_CASES}
 @pytest.mark.parametrize("name", CASES)
 def test_hard_geometry(name: str, method: str) -> None:
     case = CASES[name]
-    result = render(case, method, SHAPES)
+    result = render(case, method)
     assert case.mean is not None
     check_mean(result, case.mean)
     assert any("left out" in line for line in result.warnings) == ("refused" in case.remedy), result.warnings
@@ -40,7 +29,7 @@ def test_hard_geometry(name: str, method: str) -> None:
 
 @cache
 def seen(method: str, **changes: Any) -> RenderResult:
-    result = warpmis.render(room(**changes), method=method, spp=128, max_depth=3, features=SHAPES)
+    result = warpmis.render(room(**changes), method=method, spp=128, max_depth=3)
     check_finite(result)
     assert result.stats["rejected_samples"] == 0
     return result

@@ -6,18 +6,6 @@ import pytest
 from hard.checks import check_mean, check_same, luminance, render
 from hard.glass_cases import GLASS_CASES
 
-from warpmis.scene.features import Features
-
-# One kernel a method for all cases.
-GLASS = Features(
-    sphere_light=True,
-    dome_constant=True,
-    specular=True,
-    smooth=True,
-    opacity=True,
-    transmission=True,
-    indirect=True,
-)
 CASES = {case.name: case for case in GLASS_CASES}
 
 
@@ -26,13 +14,13 @@ CASES = {case.name: case for case in GLASS_CASES}
 def test_hard_glass_of_known_radiance(name: str, method: str) -> None:
     case = CASES[name]
     assert case.mean is not None
-    result = render(case, method, GLASS)
+    result = render(case, method)
     check_mean(result, case.mean)
     assert result.stats["rejected_samples"] == 0
 
 
 def test_a_lamp_shut_in_glass_is_seen_alike() -> None:
-    results = [render(CASES["lamp-in-a-closed-glass-box"], method, GLASS) for method in ("nee", "balance", "guided")]
+    results = [render(CASES["lamp-in-a-closed-glass-box"], method) for method in ("nee", "balance", "guided")]
     for result in results:
         assert result.stats["rejected_samples"] == 0
         assert luminance(result.image).mean() > 0.0

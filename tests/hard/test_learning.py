@@ -1,7 +1,7 @@
 """Hard cases of learning: the right picture, shares on the simplex, nothing that is not finite.
 
 Every pixel of a case sees the same point, so the pixels' means are samples of one number: a t-test holds them against
-the closed form, at 1 % for the file after Sidak. All cases share one set of effects, and so their kernels.
+the closed form, at 1 % for the file after Sidak.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from hard import naive
 from hard.case import HardCase
-from hard.every import effects_of
 from hard.learning_cases import LEARNING_CASES, PIXELS, REFUSED_MAPS, lit_floor
 from stats import detectable_bias, sidak, standard_error, z_test
 from toys import Toy, perfect
@@ -23,7 +22,6 @@ from usd.stages import stage_of
 import warpmis
 from warpmis.config import DEFAULT_STRATEGIES
 from warpmis.errors import ConfigError
-from warpmis.scene.features import Features
 
 CASES = {case.name: case for case in LEARNING_CASES}
 
@@ -53,14 +51,9 @@ def scene_of(name: str) -> warpmis.Scene:
 
 
 @cache
-def effects() -> Features:
-    return effects_of(map(scene_of, CASES))
-
-
-@cache
 def rendered(name: str, method: str) -> warpmis.RenderResult:
     settings = {**CASES[name].settings, "method": method}
-    return warpmis.render(scene_of(name), features=effects(), **settings)
+    return warpmis.render(scene_of(name), **settings)
 
 
 def check(result: warpmis.RenderResult) -> None:
@@ -131,7 +124,7 @@ def shining(factor: float) -> warpmis.Scene:
 @pytest.mark.parametrize("factor", [2.0**-100, 2.0**60, 2.0**100])
 def test_the_unit_of_radiance_changes_no_bit(factor: float, method: str) -> None:
     """Powers of two: the same shares, and the image times the factor, exactly; 2^100 is 1.3e30."""
-    settings: dict[str, Any] = {"method": method, "spp": 256, "max_depth": 1, "features": effects()}
+    settings: dict[str, Any] = {"method": method, "spp": 256, "max_depth": 1}
     one, other = (warpmis.render(shining(k), **settings) for k in (1.0, factor))
     check(other)
     assert (other.allocation == one.allocation).all()

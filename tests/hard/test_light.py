@@ -9,20 +9,7 @@ from hard.light_cases import LIGHT_CASES
 from hard.parts import UP, camera, floor, light, stage
 
 import warpmis
-from warpmis.scene.features import Features
 
-# One kernel a method for all cases.
-LIGHTS = Features(
-    rect_light=True,
-    disk_light=True,
-    sphere_light=True,
-    cylinder_light=True,
-    distant_light=True,
-    dome_picture=True,
-    delta_light=True,
-    light_tree=True,
-    indirect=True,
-)
 CASES = {case.name: case for case in LIGHT_CASES}
 
 
@@ -30,7 +17,7 @@ CASES = {case.name: case for case in LIGHT_CASES}
 @pytest.mark.parametrize("name", CASES)
 def test_hard_light(name: str, method: str) -> None:
     case = CASES[name]
-    result = render(case, method, LIGHTS)
+    result = render(case, method)
     assert case.mean is not None
     check_mean(result, case.mean)
     refused = "refused" in case.remedy
@@ -49,7 +36,7 @@ def test_light_strategy_of_a_light_that_is_turned_away_loses_no_sample() -> None
             camera(),
         )
         allocation = (share, 1.0 - share)
-        settings = {"method": "fixed", "allocation": allocation, "spp": 256, "max_depth": 2, "features": LIGHTS}
+        settings = {"method": "fixed", "allocation": allocation, "spp": 256, "max_depth": 2}
         return float(warpmis.render(scene, **settings).variance.mean(dtype=np.float64))
 
     assert variance(0.1) == pytest.approx(variance(0.9), rel=0.15)

@@ -7,12 +7,6 @@ import pytest
 from hard.checks import check_mean, check_same, luminance, render, standard_error
 from hard.material_cases import MATERIAL_CASES
 
-from warpmis.scene.features import Features
-
-# One kernel a method for all cases.
-SURFACES = Features(
-    dome_constant=True, mesh_light=True, specular=True, clearcoat=True, smooth=True, opacity=True, indirect=True
-)
 CASES = {case.name: case for case in MATERIAL_CASES}
 
 
@@ -21,18 +15,18 @@ CASES = {case.name: case for case in MATERIAL_CASES}
 def test_hard_material_of_known_radiance(name: str, method: str) -> None:
     case = CASES[name]
     assert case.mean is not None
-    check_mean(render(case, method, SURFACES), case.mean)
+    check_mean(render(case, method), case.mean)
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.mean is None])
 def test_hard_material_creates_no_energy(name: str) -> None:
     """Under a sky of 1 nothing is brighter than 1; the methods agree."""
     case = CASES[name]
-    results = {method: render(case, method, SURFACES, spp=256) for method in ("nee", "balance", "murray20", "auto")}
+    results = {method: render(case, method, spp=256) for method in ("nee", "balance", "murray20", "auto")}
     for result in results.values():
         assert luminance(result.image).mean() <= 1.0 + 4.0 * standard_error(result) + 1e-5
         assert luminance(result.image).mean() > 0.0
         check_same(results["nee"], result)
-    bsdf = render(case, "bsdf", SURFACES, spp=256)
+    bsdf = render(case, "bsdf", spp=256)
     check_same(results["nee"], bsdf)
     assert np.isfinite(bsdf.image).all()

@@ -79,7 +79,7 @@ def test_told_to_end_it_writes_a_whole_picture_and_a_checkpoint(
 ) -> None:
     out, checkpoint = tmp_path / "a.exr", tmp_path / "a.ckpt"
     preview = tmp_path / "look.png"
-    options = [str(out), "--image-width", "48", "--max-depth", "3", "--method", "nee", "--spp", "1000000"]
+    options = [str(out), "--image-width", "48", "--max-depth", "3", "--spp", "1000000"]
     process = command(*options, "--checkpoint", str(checkpoint), "--preview", str(preview))
     wait_for(preview)
     process.send_signal(ending)

@@ -44,8 +44,10 @@ def test_a_gate_that_flips_is_unbiased(small_rounds: None, monkeypatch: pytest.M
     monkeypatch.setattr(guided, "QUIET", 0.0)
     gains: list[float] = []
 
-    def remember(pilot: gate.Trial, trials: list[gate.Trial], planned: int) -> bool:
-        gains.extend(gate.gain(pilot, one) for one in trials)
+    def remember(pilot: gate.Trial, trials: list[gate.Trial], prospects: list[gate.Prospect]) -> bool:
+        if trials:
+            found = gate.gain(pilot, trials[-1]) * gate.GROWTH ** prospects[len(trials) - 1].doublings
+            gains.append(found * (1.0 - prospects[len(trials) - 1].dropped))
         return False
 
     with monkeypatch.context() as watched:

@@ -1,5 +1,5 @@
 """Rough dielectric interfaces: directions against Walter's densities on the whole sphere, weights against his BSDF, and
-the same picture by all methods.
+the same picture by all methods, with light samples and without.
 
 Significance is Sidak-corrected over the file. The densities are NumPy's, written from the paper's equations.
 """
@@ -23,14 +23,16 @@ import warpmis
 from warpmis.device.material import material_view
 from warpmis.device.views import MaterialView
 from warpmis.kernels import rng
-from warpmis.kernels.bsdf.dielectric import sample_interface
-from warpmis.scene import DomeLight, Material, RectLight, Scene
+from warpmis.kernels.bsdf.dielectric import evaluate_interface, sample_interface
+from warpmis.scene import DomeLight, Material, RectLight, Scene, SphereLight
+from warpmis.scene.features import detect
 
 FloatArray = NDArray[np.float64]
 COUNT = 1 << 19
 COSINES = (0.95, 0.5, 0.15)
 CASES = [(rough, ior, front) for rough, ior in ((0.5, 1.5), (0.8, 1.33), (1.0, 2.4)) for front in (True, False)]
-SIGNIFICANCE = sidak(0.01, len(CASES) * len(COSINES))
+PANES = (0.4, 0.6, 0.9)
+SIGNIFICANCE = sidak(0.01, (len(CASES) + len(PANES)) * len(COSINES))
 GRID = DirectionGrid.about(np.array([0.0, 0.0, 1.0]), np.linspace(0.0, 2.0, 41), 24)
 
 
@@ -45,6 +47,31 @@ def draw(
     s = sample_interface(material, wo, front, u[3], u)
     wis[i] = s.wi
     weights[i] = s.weight
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def evaluate(
+    material: MaterialView,
+    wo: wp.vec3,
+    front: bool,
+    wis: wp.array(dtype=wp.vec3),
+    pdfs: wp.array(dtype=float),
+    f_cos: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    s = evaluate_interface(material, wo, wis[i], front)
+    pdfs[i] = s.pdf
+    f_cos[i] = s.f_cos
+
+
+def evaluated(material: Material, cosine: float, front: bool, wis: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
+    """Densities, shape (N,), and BSDF times cosine, shape (N, 3), of the directions."""
+    count = len(wis)
+    pdfs, f_cos = wp.zeros(count, dtype=float, device="cpu"), wp.zeros(count, dtype=wp.vec3, device="cpu")
+    directions = wp.array(np.asarray(wis, np.float32), dtype=wp.vec3, device="cpu")
+    view = material_view(material, False, -1)
+    wp.launch(evaluate, count, [view, wp.vec3(*direction(cosine)), front, directions, pdfs, f_cos], device="cpu")
+    return pdfs.numpy(), f_cos.numpy()
 
 
 def direction(cosine: float) -> FloatArray:
@@ -114,6 +141,26 @@ def test_directions_have_walters_density(roughness: float, ior: float, front: bo
     # The BSDF times the cosine over the density is G1(wi), and (1 / eta)^2 of the radiance comes out.
     expected = seen(wis[there].astype(np.float64), roughness**2) * np.where(wis[there][:, 2] > 0.0, 1.0, 1.0 / eta**2)
     np.testing.assert_allclose(weights[there][:, 0], expected, rtol=2e-4, atol=1e-5)
+    # What a light sample is weighed by says the same.
+    few = wis[there][:4096]
+    pdfs, f_cos = evaluated(Material(transmission=1.0, roughness=roughness, ior=ior), cosine, front, few)
+    np.testing.assert_allclose(pdfs, density(few, direction(cosine), roughness**2, eta), rtol=5e-3)
+    np.testing.assert_allclose(f_cos[:, 0], pdfs * expected[:4096], rtol=5e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("cosine", COSINES)
+@pytest.mark.parametrize("roughness", PANES)
+def test_directions_through_a_pane_have_the_density_of_light_samples(roughness: float, cosine: float) -> None:
+    pane = Material(transmission=1.0, roughness=roughness, thin_walled=True, transmission_color=(0.9, 0.5, 0.2))
+    wis, weights = drawn(pane, cosine, True)
+    there = np.linalg.norm(wis, axis=1) > 0.0
+    fit, _ = fit_directions(
+        wis[there], lambda w: evaluated(pane, cosine, True, w)[0], GRID, missing=int((~there).sum())
+    )
+    assert fit.p_value > SIGNIFICANCE
+    assert detectable_imbalance(COUNT, fit.dof, SIGNIFICANCE) < 0.03
+    pdfs, f_cos = evaluated(pane, cosine, True, wis[there][:4096])
+    np.testing.assert_allclose(f_cos, weights[there][:4096] * pdfs[:, None], rtol=1e-3, atol=1e-6)
 
 
 def still_life() -> Scene:
@@ -142,12 +189,14 @@ def still_life() -> Scene:
     return scenes.scene(scenes.quads(faces), materials, [lamp, sky], view, pixels=18)
 
 
+FEATURES = detect(still_life())
 WAYS: dict[str, dict[str, Any]] = {
     "nee": {"method": "nee"},
     "balance": {"method": "balance"},
     "whole": {"method": "balance", "strategies": ("bsdf", "light", "uniform")},
     "murray20": {"method": "murray20", "learn_rounds": 2, "learn_spp": 64},
     "guided": {"method": "guided"},
+    "nee, no light samples at glass": {"method": "nee", "features": replace(FEATURES, rough_transmission=False)},
 }
 PAIRS = list(combinations(WAYS, 2))
 SEEDS = 12
@@ -164,3 +213,69 @@ def test_all_methods_make_the_same_picture_of_glass(a: str, b: str) -> None:
     level = sidak(0.01, len(PAIRS) * REGIONS)
     assert paired_p_values(pictures(a), pictures(b)).min() > level
     assert caught_bias(pictures(a), pictures(b), level) < 0.03
+
+
+def frosted(lamp: SphereLight, **glass: Any) -> Scene:
+    """A floor and a frosted block or pane above it, lit by a lamp beyond."""
+    floor = np.array([(-2, 0, 2), (2, 0, 2), (2, 0, -2), (-2, 0, -2)], dtype=np.float32)
+    thickness = 0.02 if glass.get("thin_walled") else 0.3
+    block = scenes.box_faces((-0.6, 0.1, -0.2 - thickness), (0.6, 1.2, -0.2), inward=False)
+    block = block[3:4] if glass.get("thin_walled") else block
+    frost = Material(path="/frost", transmission=1.0, **glass)
+    view = scenes.camera((0, 0.8, 1.5), (0, 0.5, -0.2), half_width=0.6)
+    return scenes.scene(
+        scenes.quads([(floor, 0), *((face, 1) for face in block)]), [scenes.WHITE, frost], [lamp], view, 18
+    )
+
+
+BEYOND = np.array([0.3, 0.9, -1.2])
+FROST: dict[str, dict[str, Any]] = {
+    "block": {"roughness": 0.5},
+    "tinted pane": {"roughness": 0.4, "thin_walled": True, "transmission_color": (0.9, 0.5, 0.2)},
+    "absorbing block": {"roughness": 0.6, "transmission_color": (0.9, 0.5, 0.2), "transmission_depth": 0.3},
+}
+FROST_LEVEL = sidak(0.01, 2 * len(FROST) * REGIONS)
+
+
+def means(scene: Scene, spp: int, **settings: Any) -> FloatArray:
+    results = (warpmis.render(scene, spp=spp, seed=k, method="nee", max_depth=4, **settings) for k in range(SEEDS))
+    return np.array([block_means(result.image) for result in results])
+
+
+def lit(name: str, radius: float) -> Scene:
+    """By a lamp of the intensity of 1 in every direction."""
+    return frosted(SphereLight("/lamp", BEYOND, radius, np.ones(3) / (np.pi * radius**2)), **FROST[name])
+
+
+def without_light_samples(scene: Scene) -> dict[str, Any]:
+    features = detect(scene)
+    assert features.rough_transmission
+    return {"features": replace(features, rough_transmission=False)}
+
+
+@pytest.mark.parametrize("name", FROST)
+def test_light_samples_at_frosted_glass_change_no_mean(name: str) -> None:
+    scene = lit(name, 0.15)
+    found, without = means(scene, 512), means(scene, 2048, **without_light_samples(scene))
+    assert paired_p_values(found, without).min() > FROST_LEVEL
+    assert caught_bias(found, without, FROST_LEVEL) < 0.05
+
+
+@pytest.mark.parametrize("name", FROST)
+def test_light_samples_find_a_small_lamp_behind_frosted_glass(name: str) -> None:
+    scene = lit(name, 0.03)
+    found, without = (
+        warpmis.render(scene, spp=256, method="nee", max_depth=4, **settings).variance.mean()
+        for settings in ({}, without_light_samples(scene))
+    )
+    print(f"{name}: {without / found:.1f} times less variance")
+    assert without > 4.0 * found
+
+
+@pytest.mark.parametrize("name", FROST)
+def test_a_point_light_shines_through_frosted_glass_as_a_small_lamp_does(name: str) -> None:
+    """Radiance times the projected area is the point's intensity."""
+    point = frosted(SphereLight("/point", BEYOND, 0.0, np.ones(3)), **FROST[name])
+    found, expected = means(point, 512), means(lit(name, 0.02), 512)
+    assert paired_p_values(found, expected).min() > FROST_LEVEL
+    assert caught_bias(found, expected, FROST_LEVEL) < 0.05

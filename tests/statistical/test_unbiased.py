@@ -12,6 +12,8 @@ import pytest
 from statistical.estimates import REGIONS, SCENES, SEEDS, caught_bias, estimates, paired_p_values
 from stats import sidak
 
+pytestmark = pytest.mark.own_kernels
+
 SIGNIFICANCE = 0.01
 LEARN: dict[str, Any] = {"learn_rounds": 2, "learn_spp": 64}
 METHODS: dict[str, dict[str, Any]] = {

@@ -17,6 +17,8 @@ from stats import sidak
 
 from warpmis.config import COMPLETE, STRATEGIES
 
+pytestmark = pytest.mark.own_kernels
+
 SPP = 128
 SIGNIFICANCE = 0.01
 LEAST_COMPLETE = 0.3

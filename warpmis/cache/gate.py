@@ -27,9 +27,10 @@ FEWEST_SAMPLES = 1 << 16
 QUIET = 0.75
 # Time of a ray of a guided path over that of one without.
 RAY_TIME = 1.55
-# Least gain that a trial must promise: while others follow, one of a cache that is yet to improve, and of the last one.
-EARLY_GAINS = (0.5, 0.75)
+# Least gain of a render that goes on with the cache.
 LEAST_GAIN = 0.95
+# How many times as much a cache gains that has learned from twice as many paths: 1.05 to 1.3 in thirteen scenes.
+GROWTH = 1.15
 # Part of the mean luminance below which a pixel counts as if it were that bright.
 DARK = 0.1
 
@@ -42,19 +43,31 @@ class Trial:
     cost: float
 
 
+@dataclass(frozen=True)
+class Prospect:
+    """What follows a trial, if the render goes on with the cache.
+
+    doublings: how often the paths that the cache has learned from will double.
+    dropped: part of the samples still to come that train and are not in the picture.
+    """
+
+    doublings: float
+    dropped: float
+
+
 def pilot_stride(pixels: int, spp: int) -> int:
     """The pilot takes the first pixel of each cell of so many by so many, of a render of spp samples per pixel."""
     looked_at = min(PILOT_PIXELS, PILOT_SHARE * pixels * spp / (2 * PILOT_SAMPLES))
     return max(1, math.ceil((pixels / max(looked_at, 1.0)) ** 0.5 - 0.5))
 
 
-def pays(pilot: Trial, trials: list[Trial], planned: int) -> bool:
-    """Whether paths by the cache promise less variance x time, by the latest of so many planned trials."""
+def pays(pilot: Trial, trials: list[Trial], prospects: list[Prospect]) -> bool:
+    """Whether the rest of a render promises less variance x time with the cache, by the latest of the trials."""
     if not trials:
         return False
-    follow = len(trials) < planned
-    least = EARLY_GAINS[min(len(trials), len(EARLY_GAINS)) - 1] if follow else LEAST_GAIN
-    return gain(pilot, trials[-1]) > least
+    prospect = prospects[len(trials) - 1]
+    promised = gain(pilot, trials[-1]) * GROWTH**prospect.doublings * (1.0 - prospect.dropped)
+    return promised > LEAST_GAIN
 
 
 def gain(pilot: Trial, trial: Trial) -> float:

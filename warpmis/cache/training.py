@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from warpmis.cache.gate import PILOT_SAMPLES, pilot_stride
+from warpmis.cache.gate import PILOT_SAMPLES, Prospect, pilot_stride
 
 # Paths of the first round, and the most of all rounds: a cache of some hundred cells learns no more from others.
 FIRST_PATHS = 1 << 13
@@ -52,6 +53,19 @@ def training_rounds(pixels: int, spp: int) -> list[Training]:
             break
         rounds.append(one)
     return rounds
+
+
+def prospects(rounds: list[Training], pixels: int, spp: int) -> list[Prospect]:
+    """What follows each trial, in a render of so many pixels and samples per pixel."""
+    learned = sum(one.paths(pixels) for one in rounds)
+    found = []
+    for number, one in enumerate(rounds):
+        if one.half == 1:
+            before = sum(other.paths(pixels) for other in rounds[: number - 1])
+            left = pixels * spp - before - 2.0 * one.paths(pixels)
+            dropped = sum(other.paths(pixels) for other in rounds[number + 1 :] if not other.is_kept)
+            found.append(Prospect(math.log2(learned / before), min(dropped / max(left, 1.0), 1.0)))
+    return found
 
 
 def _round(paths: float, pixels: int, *, is_first: bool = False) -> Training:

@@ -47,10 +47,14 @@ class ScatteredLight:
 
 
 def make_direct_light(
-    features: Features, surface: SimpleNamespace, lights: SimpleNamespace, intersect: SimpleNamespace
+    features: Features,
+    surface: SimpleNamespace,
+    lights: SimpleNamespace,
+    intersect: SimpleNamespace,
+    Vertex: type = Vertex,
 ) -> SimpleNamespace:
     """Functions for one set of effects: from_delta_light; light_sample and shadowed, and both in one as
-    from_light_sample."""
+    from_light_sample. Vertex: of what `surface` evaluates."""
     sample_delta_light = make_delta_light(features, lights.control, lights.tree)
 
     @wp.func

@@ -27,7 +27,7 @@ from warpmis.cache.gate import (
 from warpmis.cache.maps import CacheMaps, first_cells, maps_of
 from warpmis.cache.pixel_worth import MOST_VARIANCE, expected_luminance, pixel_worth, rate_strength
 from warpmis.cache.spatial_cache import SpatialCache
-from warpmis.cache.training import training_rounds
+from warpmis.cache.training import prospects, training_rounds
 from warpmis.config import RenderConfig
 from warpmis.device.cache_views import CacheView, VertexRecord
 from warpmis.device.compilation import Compiler
@@ -55,7 +55,7 @@ MOST_RECORDS = 1_000_000
 RECORDED_VERTICES = 8
 CACHE_ARRAYS = ("cells", "densities", "pixel_worth", "records")
 
-PLAIN_STATE = ("strength", "traced_rays", "planned_trials", "first_cells")
+PLAIN_STATE = ("strength", "traced_rays", "first_cells")
 
 
 def guided_kernels(features: Features) -> tuple[wp.Kernel, ...]:
@@ -84,7 +84,9 @@ class GuidedIntegrator(Integrator):
         self.halves: list[Film] = []
         self.pilot: Trial | None = None
         self.trials: list[Trial] = []
-        self.planned_trials = 0
+        size = self.pixels, config.learn_budget
+        self.trainings = training_rounds(*size) if config.max_depth > 0 else []
+        self.prospects = prospects(self.trainings, *size)
         self.learned_film: Film | None = None  # of all training rounds that are over, at the picture's size
         self.kept_film: Film | None = None  # of those that the picture holds
         self.present: CacheRound | None = None  # the round that has begun last
@@ -99,7 +101,7 @@ class GuidedIntegrator(Integrator):
 
     def rounds(self) -> Iterator[Round]:
         """Training and the guided picture; where that is to be tried, a pilot before them, and perhaps a plain one."""
-        trainings = training_rounds(self.pixels, self.config.learn_budget) if self.config.max_depth > 0 else []
+        trainings = self.trainings
         if self.config.how.tries:
             has_trial = any(training.half == 1 for training in trainings)
             if not has_trial or self.pixels * self.config.learn_budget < FEWEST_SAMPLES:
@@ -111,7 +113,6 @@ class GuidedIntegrator(Integrator):
                     trainings = []
                 else:
                     self.compiler.begin((self.guide_kernel, self.locate_kernel))
-        self.planned_trials = sum(training.half == 1 for training in trainings)
         dropped = math.ceil(sum(one.samples / one.stride**2 for one in trainings if not one.is_kept))
         first_sample, spent, kept, tried = 0, 0.0, 0, 0
         for number, training in enumerate(trainings, start=1):
@@ -134,7 +135,7 @@ class GuidedIntegrator(Integrator):
     def _is_guided_by(self, trials: list[Trial]) -> bool:
         if not self.config.how.tries:
             return True
-        return self.pilot is not None and pays(self.pilot, trials, self.planned_trials)
+        return self.pilot is not None and pays(self.pilot, trials, self.prospects)
 
     def begin_round(self, part: Round) -> None:
         assert isinstance(part, CacheRound)
@@ -166,6 +167,10 @@ class GuidedIntegrator(Integrator):
 
     # ---- learning -------------------------------------------------------------------------------------------------
 
+    def solving_kernels(self, part: Round) -> tuple[wp.Kernel, ...]:
+        assert isinstance(part, CacheRound)
+        return (self.locate_kernel,) if part.kind == TRAINING else ()
+
     def solve(self, part: Round) -> None:
         assert isinstance(part, CacheRound) and self.own_film is not None
         film = download_film(self.own_film, *self._size(part.stride))
@@ -193,7 +198,6 @@ class GuidedIntegrator(Integrator):
 
     def _learn(self, part: CacheRound, film: Film, cost: float) -> None:
         assert self.records is not None
-        self.compiler.wait([self.locate_kernel])
         cell_of = self.cache.learn(self.records, self.launcher.run_over)
         assert self.cache_view is not None
         width, height = self._size(self.cache_view.record_stride)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,9 +48,12 @@ class Integrator(RoundTracer):
         """Those of the render; each is traced before the next one is asked for."""
         yield from schedule(self.config)
 
+    def solving_kernels(self, part: Round) -> Sequence[wp.Kernel]:
+        """What `solve` launches after this round."""
+        return self.learner.kernels
+
     def solve(self, part: Round) -> None:
         """One step of the method's solver from the moments of the rounds up to this one, for the round to come."""
-        self.compiler.wait(self.learner.kernels)
         self.learner.step(self.shares, self.learn_film, self._launch_solver)
         samples = lattice_length(part.following) if part.following else 0
         self.learner.round_to_samples(self.shares, samples, self._launch_solver)

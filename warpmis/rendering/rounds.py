@@ -14,6 +14,7 @@ from warpmis.errors import Interrupted
 from warpmis.learn.schedule import Round
 from warpmis.rendering.checkpoint import CheckpointPart
 from warpmis.rendering.cluster import Farm
+from warpmis.rendering.held import interrupts_held
 from warpmis.rendering.integrator import allocation_of
 from warpmis.rendering.kinds import integrator_of
 from warpmis.rendering.reporter import Reporter
@@ -107,22 +108,31 @@ def trace_rounds(run: Run) -> None:
     for number, part in enumerate(integrator.rounds()):
         if number < first:
             continue
-        is_resumed = saved is not None and number == first
+        is_resumed = saved is not None and number == first and saved["has_begun"]
         if not is_resumed:
             if reporter.watch is not None and reporter.watch.leaves_out(part):
                 continue
-            run.round, integrator.next_sample = number, part.first_sample
+            run.round, run.has_begun, integrator.next_sample = number, True, part.first_sample
         elif saved is not None:
             integrator.resume_round(part, saved["integrator"])
         reporter.phase("learn" if part.learn else "render", part.label)
         trace(part, run, is_resumed=is_resumed)
-        integrator.settled = False
         if reporter.watch is not None and reporter.watch.stopped:
             return
         if part.learn:
-            integrator.solve(part)
-            if run.config.learn.keep_maps:
-                run.round_allocations.append(integrator.allocation_map())
+            solve(part, run)
+
+
+def solve(part: Round, run: Run) -> None:
+    """One step of learning. An interrupt comes before or after it: a checkpoint holds it whole or not at all."""
+    integrator = run.integrator
+    integrator.compiler.wait(integrator.solving_kernels(part))
+    with interrupts_held():
+        integrator.solve(part)
+        if run.config.learn.keep_maps:
+            run.round_allocations.append(integrator.allocation_map())
+        run.round, run.has_begun = run.round + 1, False
+        integrator.settled = True
 
 
 def trace(part: Round, run: Run, *, is_resumed: bool = False) -> None:

@@ -34,6 +34,7 @@ class Run:
         pass_seconds: about how long a pass takes once the first ones are through [s].
         first_pass, growth: samples of a piece's first pass, and how many times as many the next one takes at most.
         round: the present round's number, from 0 on.
+        has_begun: whether that round has; else the one before is over, with what it learned.
         saved: the state that this run goes on from, until it has come to the round where that was taken.
     """
 
@@ -48,6 +49,7 @@ class Run:
     first_pass: int = 1
     growth: int = 2
     round: int = 0
+    has_begun: bool = False
     saved: dict[str, Any] | None = None
 
     def between(self, is_kept: bool) -> None:
@@ -62,6 +64,7 @@ class Run:
         watch = self.reporter.watch
         return {
             "round": self.round,
+            "has_begun": self.has_begun,
             "integrator": self.integrator.state(),
             "reporter": self.reporter.state(),
             "watch": watch and watch.state(),
@@ -70,7 +73,7 @@ class Run:
 
     def resume(self, state: dict[str, Any]) -> None:
         """Go on from a state of the same render."""
-        self.saved, self.round = state, state["round"]
+        self.saved, self.round, self.has_begun = state, state["round"], state["has_begun"]
         self.integrator.resume(state["integrator"])
         self.reporter.resume(state["reporter"])
         self.round_allocations[:] = state["round_allocations"]

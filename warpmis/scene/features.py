@@ -34,7 +34,8 @@ class Features:
         light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays straight through.
-        transmission: dielectric interfaces that refract; absorption: within some of them light is lost.
+        transmission: dielectric interfaces that refract; rough_transmission: some are so rough that light samples are
+            taken; absorption: within some of them light is lost.
         instances: prototypes that are traced through the transforms of their places; emissive_instances: of some of
             them triangles emit.
         shading_normals: normals that differ from the triangle's.
@@ -72,6 +73,7 @@ class Features:
     smooth: bool = False
     opacity: bool = False
     transmission: bool = False
+    rough_transmission: bool = False
     absorption: bool = False
     instances: bool = False
     emissive_instances: bool = False
@@ -185,7 +187,33 @@ def detect(scene: Scene) -> Features:
     used = [scene.materials[i] for i in scene.used_materials]
     specular = [m for m in used if not m.lambertian]
     coated = [m for m in specular if bounds_of(m.clearcoat)[1] > 0.0]
+    glass = [m for m in used if m.transmission > 0.0]
     lookups = [lookup for m in used for lookup in m.lookups.values()]
+    return replace(
+        _light_effects(scene),
+        mesh_light=any(is_emissive(m) for m in used),
+        specular=bool(specular),
+        clearcoat=bool(coated),
+        smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
+        opacity=any(m.mean.opacity < 1.0 or m.is_clear_pane for m in used),
+        transmission=bool(glass),
+        rough_transmission=any(not is_smooth(m.roughness) for m in glass),
+        absorption=any(m.transmission_depth > 0.0 and not m.thin_walled for m in glass),
+        instances=bool(scene.prototypes),
+        emissive_instances=has_emissive_instances(scene),
+        shading_normals=any(bool((part.normal_indices >= 0).any()) for part in scene.parts),
+        textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
+        vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),
+        normal_maps=any(m.normal is not None for m in used),
+        orthographic=scene.camera.orthographic,
+        depth_of_field=scene.camera.lens_radius > 0.0,
+        clipping=len(scene.camera.clipping_planes) > 0,
+        indirect=any(reflects(m) for m in used),
+    )
+
+
+def _light_effects(scene: Scene) -> Features:
+    """Those of all lights that are not made of geometry, and of the controls of all."""
     extended = [light for light in scene.lights if not is_delta(light)]
     domes = [light for light in extended if isinstance(light, DomeLight)]
     controls = light_controls(scene)
@@ -202,7 +230,6 @@ def detect(scene: Scene) -> Features:
         # Several domes are added up: one picture among them makes the sum a picture.
         dome_constant=bool(domes) and all(d.picture is None for d in domes),
         dome_picture=any(d.picture is not None for d in domes),
-        mesh_light=any(is_emissive(m) for m in used),
         delta_light=len(extended) < len(scene.lights),
         light_tree=has_light_tree(scene) or has_point_tree(scene),
         shaping=any(control.shaping is not None for control in controls),
@@ -212,20 +239,4 @@ def detect(scene: Scene) -> Features:
         light_response=any(control.changes_response for control in controls),
         light_links=any(control.illuminates is not None for control in controls),
         shadow_links=any(control.shadow_casters is not None for control in controls),
-        specular=bool(specular),
-        clearcoat=bool(coated),
-        smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
-        opacity=any(m.mean.opacity < 1.0 or m.is_clear_pane for m in used),
-        transmission=any(m.transmission > 0.0 for m in used),
-        absorption=any(m.transmission > 0.0 and m.transmission_depth > 0.0 and not m.thin_walled for m in used),
-        instances=bool(scene.prototypes),
-        emissive_instances=has_emissive_instances(scene),
-        shading_normals=any(bool((part.normal_indices >= 0).any()) for part in scene.parts),
-        textures=any(isinstance(lookup, TextureLookup) for lookup in lookups),
-        vertex_colors=any(isinstance(lookup, PrimvarLookup) for lookup in lookups),
-        normal_maps=any(m.normal is not None for m in used),
-        orthographic=scene.camera.orthographic,
-        depth_of_field=scene.camera.lens_radius > 0.0,
-        clipping=len(scene.camera.clipping_planes) > 0,
-        indirect=any(reflects(m) for m in used),
     )

@@ -12,6 +12,8 @@ import pytest
 
 from warpmis.cli import main
 
+pytestmark = pytest.mark.own_kernels
+
 STAGE = """#usda 1.0
 def Camera "Here"
 {

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.own_kernels
+
 STAGE = """#usda 1.0
 def Camera "Camera"
 {

@@ -18,6 +18,8 @@ from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Mat
 from warpmis.scene.features import Features, detect
 from warpmis.scene.light_control import LightControl
 
+pytestmark = pytest.mark.own_kernels
+
 ORIGIN = np.zeros(3)
 X, Y, Z = np.eye(3)
 TWO = np.full(3, 2.0)  # [nit]

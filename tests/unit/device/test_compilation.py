@@ -22,6 +22,8 @@ from warpmis.device.start import start_warp
 from warpmis.errors import WarpmisError
 from warpmis.rendering.specialise import features_of, kernels_of
 
+pytestmark = pytest.mark.own_kernels
+
 
 def kernel_of(value: float) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)

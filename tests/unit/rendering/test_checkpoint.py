@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import signal
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,9 +15,12 @@ import scenes
 
 import warpmis
 from warpmis.cache import training
+from warpmis.learn.schedule import Round
 from warpmis.output import bundle
 from warpmis.rendering import checkpoint, run
 from warpmis.rendering.fingerprint import scene_fingerprint
+from warpmis.rendering.integrator import Integrator
+from warpmis.rendering.kinds import integrator_of
 
 SIZE = 16
 
@@ -92,6 +96,32 @@ def test_same_bits_however_often_it_is_interrupted(tmp_path: Path, settings: dic
     assert interrupts >= 2
     assert_same(found, render())
     assert list(tmp_path.iterdir()) == [], "what served is removed"
+
+
+@pytest.mark.parametrize("method", ["guided", "pooled"])
+def test_an_interrupt_in_a_step_of_learning_comes_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    settings = {"spp": 64, "max_depth": 3, **METHODS[method]}
+    expected = warpmis.render(scenes.room(SIZE), **settings)
+    kind, file = integrator_of(warpmis.RenderConfig(method=method)), tmp_path / "a.ckpt"
+    step = kind.solve
+
+    def interrupted_step(self: Integrator, part: Round) -> None:
+        signal.raise_signal(signal.SIGINT)
+        step(self, part)
+
+    monkeypatch.setattr(kind, "solve", interrupted_step)
+    interrupts = 0
+    while True:
+        try:
+            found = warpmis.render(scenes.room(SIZE), checkpoint=file, resume=True, **settings)
+            break
+        except KeyboardInterrupt:
+            interrupts += 1
+            assert file.exists()
+    assert interrupts >= 2, "one for each step: a step that was halved would be taken again for ever"
+    assert_same(found, expected)
 
 
 SKY = """#usda 1.0

@@ -23,6 +23,8 @@ from warpmis.rendering.specialise import features_of
 from warpmis.scene import DomeLight, Material
 from warpmis.scene.features import Features, detect
 
+pytestmark = pytest.mark.own_kernels
+
 BALANCE = RenderConfig(method="balance")
 
 # Functions that the effect alone calls, by their names in the generated source.

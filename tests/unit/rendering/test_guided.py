@@ -75,7 +75,6 @@ def test_picture_that_does_not_gain_is_that_of_next_event_estimation(
     if unless == "quiet":
         monkeypatch.setattr(guided, "QUIET", 1e30)
     elif unless == "no gain":
-        monkeypatch.setattr(gate, "EARLY_GAINS", (1e30,))
         monkeypatch.setattr(gate, "LEAST_GAIN", 1e30)
         monkeypatch.setattr(training, "KEPT_SAMPLES", 1 << 20)
     else:

@@ -17,6 +17,8 @@ from warpmis.rendering import integrator, launches
 from warpmis.rendering.specialise import features_of, kernels_of
 from warpmis.scene.features import Features, detect
 
+pytestmark = pytest.mark.own_kernels
+
 SETTINGS = {"method": "murray20", "spp": 48, "learn_rounds": 3, "learn_spp": 8, "seed": 5}
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 import scenes
 
+pytestmark = pytest.mark.own_kernels
+
 STAGE = scenes.USD_SCENES / "cornell_box" / "scene.usda"
 
 CALLS = {

@@ -23,6 +23,7 @@ from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
 from warpmis.kernels.path.emission import make_emission
 from warpmis.kernels.path.estimator import make_estimator
+from warpmis.kernels.path.interface import make_interface
 from warpmis.kernels.path.specular import make_specular
 from warpmis.kernels.path.state import first_hit_of
 from warpmis.kernels.path.throughput import make_throughput
@@ -52,6 +53,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
     contributions = estimator.contributions
     emission = make_emission(features, PathState, lights, record, contributions)
     specular = make_specular(features, PathState, lights, contributions)
+    interface = make_interface(features, PathState, lights, intersect, specular, contributions)
     vertices = make_vertex(features, PathState, surface, lights, direct_light, contributions)
     throughput = make_throughput(features, surface, estimator)
     sampler = make_sampler(features)
@@ -141,8 +143,7 @@ def make_path(features: Features, intersect: SimpleNamespace | None = None) -> S
                     continue
             if wp.static(features.transmission):
                 if event.kind == INTERFACE:
-                    u = rng.uniform4_of_step(key, step, rng.SCATTER)
-                    if not specular.cross(scene, path, hit, material, frame, wo, event.u_remapped, u):
+                    if not interface.cross(scene, path, hit, material, frame, wo, event.u_remapped, key, step):
                         break
                     continue
 

@@ -1,11 +1,10 @@
-"""The path's way on from a mirror, through a dielectric interface, or straight through a surface."""
+"""The path's way on from a mirror, or straight through a surface."""
 
 from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.device.views import MaterialView, SceneView
-from warpmis.kernels.bsdf.dielectric import sample_interface
+from warpmis.device.views import SceneView
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.records import Receiver
 from warpmis.kernels.shading_frame import Frame, to_world
@@ -17,7 +16,7 @@ wp.set_module_options({"enable_backward": False})
 def make_specular(
     features: Features, PathState: type, lights: SimpleNamespace, contributions: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions: pass_through, reflect, cross."""
+    """Functions: pass_through, leave, reflect."""
 
     @wp.func
     def pass_through(path: wp.ref[PathState], hit: wp.ref[Hit], distance: float):
@@ -46,28 +45,4 @@ def make_specular(
         contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), False)
         return wp.dot(path.wi, hit.ng) > 0.0
 
-    @wp.func
-    def cross(
-        scene: SceneView,
-        path: wp.ref[PathState],
-        hit: wp.ref[Hit],
-        material: MaterialView,
-        frame: Frame,
-        wo: wp.vec3,
-        u_choice: float,
-        u: wp.vec4,
-    ) -> bool:
-        """Reflect or refract the path at a dielectric interface; False where it ends there."""
-        s = sample_interface(material, wo, hit.is_front, u_choice, u)
-        path.beta = wp.cw_mul(path.beta, s.weight)
-        if s.is_refracted:
-            path.origin = hit.p - hit.ng * hit.offset
-            if wp.static(features.absorption):
-                if not material.thin_walled:
-                    path.receiver.absorption = wp.where(hit.is_front, material.absorption, wp.vec3(0.0, 0.0, 0.0))
-        leave(scene, path, hit, frame, s.wi)
-        contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), s.is_refracted)
-        cosine = wp.dot(path.wi, hit.ng)
-        return wp.length_sq(s.wi) > 0.0 and wp.where(s.is_refracted, cosine < 0.0, cosine > 0.0)
-
-    return SimpleNamespace(pass_through=pass_through, reflect=reflect, cross=cross)
+    return SimpleNamespace(pass_through=pass_through, leave=leave, reflect=reflect)
