@@ -27,6 +27,8 @@ LIGHTS = Features(
     shading_normals=True,
     indirect=True,
 )
+COATS_AND_SKIES = dataclasses.replace(LIGHTS, clearcoat=True, dome_picture=True)
+GLASS = dataclasses.replace(LIGHTS, transmission=True, rough_transmission=True, absorption=True)
 # What paths are built differently with is as the scene has it: those kernels are not the same code.
 AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 
@@ -35,7 +37,7 @@ def shared(scene: warpmis.Scene) -> Features:
     """The first of the common sets of effects that holds those of the scene."""
     own = detect(scene)
     kept = {name: getattr(own, name) for name in AS_THE_SCENE_HAS_IT}
-    candidates = (dataclasses.replace(one, **kept) for one in (LIGHTS, Features.all()))
+    candidates = (dataclasses.replace(one, **kept) for one in (LIGHTS, COATS_AND_SKIES, GLASS, Features.all()))
     return next(features for features in candidates if effects_of(own) <= effects_of(features))
 
 

@@ -14,7 +14,8 @@ import warpmis
 from warpmis.rendering import counted
 
 SIGNIFICANCE = 0.01
-SEEDS = 40
+SEEDS = 24
+PILOTS = 80
 GIVEN = ((0, 1), (2, 1), (1, 2), (4, 3))
 SCENES = {"room": 0.03, "hidden_light": 0.03}
 LEVEL = sidak(SIGNIFICANCE, (len(GIVEN) * len(SCENES) + 1) * REGIONS)
@@ -43,10 +44,10 @@ def test_a_pilot_that_decides_by_chance(monkeypatch: pytest.MonkeyPatch) -> None
     """What comes out of so small pilots is noise, and must not be in the picture."""
     small_pilots(monkeypatch)
     scene = load("room")
-    results = [warpmis.render(scene, method="counts", spp=16, seed=seed) for seed in range(150)]
+    results = [warpmis.render(scene, method="counts", spp=16, seed=seed) for seed in range(PILOTS)]
     chosen = {tuple(result.allocation[0, 0].round(2).tolist()) for result in results}
     assert len(chosen) >= 2
     found = np.array([block_means(result.image) for result in results])
-    reference = estimates("room", 150, spp=64, method="nee")
+    reference = estimates("room", PILOTS, spp=64, method="nee")
     assert paired_p_values(found, reference).min() > LEVEL
     assert caught_bias(found, reference, LEVEL) < 0.02

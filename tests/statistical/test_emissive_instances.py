@@ -357,7 +357,7 @@ def test_instances_light_as_flattened(stage: str, way: str, stages: dict[str, tu
     assert detect(shared).light_links == (stage == "links and tints")
     every = Features.all()
     pictures = [
-        [block_means(warpmis.render(scene, spp=128, seed=k, features=every, **WAYS[way]).image) for k in range(SEEDS)]
+        [block_means(warpmis.render(scene, spp=64, seed=k, features=every, **WAYS[way]).image) for k in range(SEEDS)]
         for scene in (flat, shared)
     ]
     flattened, through = np.array(pictures)

@@ -15,7 +15,7 @@ from warpmis.cache import gate, training
 from warpmis.rendering import guided
 
 SIGNIFICANCE = 0.01
-SEEDS = 150
+SEEDS = 90
 
 
 @pytest.fixture

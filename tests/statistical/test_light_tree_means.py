@@ -125,7 +125,7 @@ LEVEL = sidak(0.01, len(CASES) * len(WAYS) * REGIONS)
 def pictures(scene: Scene, few: int, settings: dict[str, Any]) -> NDArray[np.float64]:
     with mock.patch.object(features, "FEW_LIGHTS", few):
         every = Features.all()
-        found = (warpmis.render(scene, spp=128, seed=k, features=every, **settings).image for k in range(SEEDS))
+        found = (warpmis.render(scene, spp=64, seed=k, features=every, **settings).image for k in range(SEEDS))
         return np.array([block_means(image) for image in found])
 
 

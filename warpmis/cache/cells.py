@@ -21,6 +21,8 @@ MOST_CELLS = 4096
 # A normal turned by 60 degrees is as far away as half of the scene's extent.
 NORMAL_WEIGHT = 0.5
 LEAF = -1
+# Records whose places differ by less, as a standard deviation in parts of the scene, see the same light.
+SMALLEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,7 @@ class CellTree:
             cell_of = self._divide(places, cell_of, divided, axis, at)
 
     def _best_splits(self, places: FloatArray, cell_of: IntArray, cells: IntArray) -> tuple[IntArray, Any, Any]:
-        """Axis and place at which each of these cells is divided best, and whether its records differ at all."""
+        """Axis and place at which each of these cells is divided best, and whether that leaves records on both sides."""
         place_of = np.full(self.cells, -1)
         place_of[cells] = np.arange(len(cells))
         chosen = place_of[cell_of] >= 0
@@ -149,7 +151,10 @@ class CellTree:
         variance = mean_of((rows - mean[group]) ** 2) * self.weight**2
         axis = variance.argmax(axis=1)
         best = np.arange(len(cells)), axis
-        return axis, mean[best].astype(np.float32), variance[best] > 1e-20
+        at = mean[best].astype(np.float32)
+        above = rows[np.arange(len(rows)), axis[group]].astype(np.float32) > at[group]
+        on_one_side = np.bincount(group, above, len(cells)) == 0  # the mean may be rounded up to the largest
+        return axis, at, (variance[best] > SMALLEST**2) & ~on_one_side
 
     def _divide(self, places: FloatArray, cell_of: IntArray, cells: IntArray, axis: IntArray, at: Any) -> IntArray:
         """Give each of the cells two leaves; the second is a new cell. Returns the cell of each record."""

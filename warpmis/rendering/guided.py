@@ -18,6 +18,7 @@ from warpmis.cache.gate import (
     FEWEST_SAMPLES,
     PILOT_SAMPLES,
     QUIET,
+    Prospect,
     Trial,
     gain,
     pays,
@@ -282,12 +283,14 @@ class GuidedIntegrator(Integrator):
     def common_of(self, part: Round) -> dict[str, Any]:
         film = self.learned_film and dict(vars(self.learned_film))
         plain = {name: getattr(self, name) for name in PLAIN_STATE}
-        return {**plain, "trials": self._trials(), "film": film, "cache": self.cache.state()}
+        to_come = [dict(vars(prospect)) for prospect in self.prospects]
+        return {**plain, "trials": self._trials(), "prospects": to_come, "film": film, "cache": self.cache.state()}
 
     def adopt(self, part: Round, common: dict[str, Any]) -> None:
         for name in PLAIN_STATE:
             setattr(self, name, common[name])
         self.pilot, *self.trials = (trial and Trial(**trial) for trial in common["trials"])
+        self.prospects = [Prospect(**one) for one in common["prospects"]]
         self.learned_film = common["film"] and Film(**common["film"])
         self.cache.resume(common["cache"])
         self.records = None

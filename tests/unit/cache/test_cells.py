@@ -56,6 +56,27 @@ def test_two_sides_of_a_thin_wall_are_two_cells() -> None:
     assert not set(front) & set(back)
 
 
+def test_what_a_narrow_view_sees_in_one_place_is_one_cell() -> None:
+    """Records that differ by rounding alone cannot be told apart: dividing them would fill the memory with cells."""
+    rng = np.random.default_rng(2)
+    for extent, noise in ((1.0, 1e-7), (1.0, 0.0), (1e6, 0.05)):
+        x = extent * np.array([0.3, 0.7, 0.2]) + rng.uniform(-noise, noise, (9000, 3))
+        n = np.broadcast_to([0.0, 1.0, 0.0], (9000, 3))
+        tree = CellTree(extent)
+        tree.refine(np.concatenate([x, n], axis=1), np.zeros(9000, np.int64))
+        assert tree.cells == 1
+
+
+def test_two_places_a_float_apart_are_divided_or_left() -> None:
+    """The mean of most is rounded to the upper one: nothing would lie above it."""
+    low = np.float32(1.0)
+    high = np.nextafter(low, np.float32(2.0))
+    x = np.where(np.arange(9000)[:, None] < 10, float(low), float(high)) * np.ones((1, 3))
+    tree = CellTree(extent=1e-3)
+    tree.refine(np.concatenate([x, np.ones((9000, 3))], axis=1), np.zeros(9000, np.int64))
+    assert tree.cells <= 2
+
+
 def test_later_rounds_divide_cells_further_and_say_where_they_came_from() -> None:
     vertices = places(50_000)
     tree = CellTree(extent=1.0)
