@@ -137,7 +137,7 @@ class CellTree:
             cell_of = self._divide(places, cell_of, divided, axis, at)
 
     def _best_splits(self, places: FloatArray, cell_of: IntArray, cells: IntArray) -> tuple[IntArray, Any, Any]:
-        """Axis and place at which each of these cells is divided best, and whether that leaves records on both sides."""
+        """Axis and place at which each of these cells is divided best, and whether records are then on both sides."""
         place_of = np.full(self.cells, -1)
         place_of[cells] = np.arange(len(cells))
         chosen = place_of[cell_of] >= 0
