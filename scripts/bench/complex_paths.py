@@ -1,0 +1,284 @@
+"""Rare bright paths by Metropolis chains, after Bitterli and Jarosz (2019), against `nee` and the cache's guide:
+
+    python scripts/bench/complex_paths.py [SCENE ...] [--spp 64 256] [--width 48] [--seeds 4] [--json FILE]
+
+A SCENE is a folder of usd_scenes, `glass_block` (below: a glass block under a small lamp), or a stage's path.
+primary_samples.py has the kernels. A render of the prototype goes like this:
+
+1. A pilot takes an eighth of the samples, by next-event estimation. It tells what luminance to expect of each pixel:
+   the median over 5 x 5 pixels, or over the pixel's own samples where that is larger.
+2. What a path brings above `factor` times as much is complex. Factor and the chains' share of the remaining samples are
+   those of the least predicted error, sqrt(error) = sqrt(V) + sqrt(TIME) b. V is the relative variance of what stays,
+   b the mean of what goes, relative to the pixels, and TIME the steps in which a chain forgets where it was. Where
+   that is not WORTH_IT times better than no chains, there are none.
+3. Next-event estimation on a lattice renders what is simple. Its samples also give the chains' first states, drawn by
+   what is complex of them, and the mean of that, by which the chains are scaled.
+4. The chains render what is complex. No sample of the pilot is in the picture.
+
+So a picture is unbiased: the split is a function of the path, fixed before anything that it splits is drawn.
+
+The printed columns:
+
+guided, chains   how many times as efficient as `nee`: 1 / (error x time). The error is the relative variance over the
+                 seeds, as in guided.py; the second figure of each is without leaving out the worst 0.1 % of the pixels
+share            chains' share of the samples after the pilot, mean over the seeds; 0 is next-event estimation
+complex          mean of what the chains render, relative to their pixels' brightness
+accepted         share of accepted steps
+p                that the means of the prototype and of `nee` over 4 x 3 parts of the picture differ no more than that
+                 by chance: Welch's test, the smallest of 12, times 12. `!` marks one below 1 %
+
+Time is CPU time of one thread, pilots, learning and chains included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+from interiors import GREY, RED, WHITE, Stage
+from numpy.typing import NDArray
+from primary_samples import SLOTS, Chains, base_kernels, chain_kernel
+from pxr import Sdf, UsdShade
+from scipy import stats
+
+import warpmis
+from warpmis.device.upload import upload
+from warpmis.device.views import vec_lattice
+from warpmis.film.metrics import DARK, LUMINANCE, without_outliers
+from warpmis.rendering.generating_vector import lattice_length, lattice_steps
+from warpmis.scene import Scene
+from warpmis.scene.features import detect
+
+ROOT = Path(__file__).parents[2]
+SCENES = ("open_terrace", "ajar_door", "cornell_box", "glass_block")
+FACTORS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+TIME, WORTH_IT = 20.0, 1.3
+PILOT_PART, FEWEST = 8, 4
+LARGE_STEPS, STEPS = 0.1, 512
+MAX_DEPTH = 8
+SIGNIFICANCE = 0.01
+Array = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """What is complex: above `threshold` [nit], shape (pixels,); worth: 1 / expected luminance [1/nit], shape (pixels,);
+    share: of the samples after the pilot that are the chains'."""
+
+    threshold: NDArray[np.float32]
+    worth: NDArray[np.float32]
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """image: shape (H, W, 3); complex, accepted: as printed; replay: largest relative error of the seeds' y."""
+
+    image: Array
+    share: float
+    complex: float
+    accepted: float
+    replay: float
+
+
+def medians(picture: Array, radius: int = 2) -> Array:
+    """Over squares of pixels."""
+    padded = np.pad(picture, radius, mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2), axis=(2, 3))
+
+
+def learn(found: Array, width: int) -> Rule:
+    """The rule from the pilot's luminances, shape (pixels, samples)."""
+    expected = np.maximum(medians(found.mean(axis=1).reshape(-1, width)).ravel(), np.median(found, axis=1))
+    expected = np.sqrt(expected**2 + (DARK * expected.mean()) ** 2 + 1e-30)
+    relative = found / expected[:, None]
+    plain = math.sqrt(relative.var(axis=1, ddof=1).mean())
+    best, factor, share = plain / math.sqrt(WORTH_IT), math.inf, 0.0
+    for tried in FACTORS:
+        simple = math.sqrt(np.minimum(relative, tried).var(axis=1, ddof=1).mean())
+        chains = math.sqrt(TIME) * float(np.maximum(relative - tried, 0.0).mean())
+        if simple + chains < best:
+            best, factor, share = simple + chains, tried, chains / (simple + chains)
+    # Without chains nothing is above the threshold; else both sides get a tenth of the samples at least.
+    share = min(max(share, 0.1), 0.9) if math.isfinite(factor) else 0.0
+    threshold = np.minimum(factor * expected, np.finfo(np.float32).max)
+    return Rule(threshold.astype(np.float32), (1.0 / expected).astype(np.float32), share)
+
+
+class Prototype:
+    """Renders one scene, on the CPU."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        features = detect(scene).with_depth(MAX_DEPTH)
+        self.base, self.walk = base_kernels(features), chain_kernel(features)
+
+    def render(self, spp: int, seed: int) -> Picture:
+        with wp.ScopedDevice("cpu"):
+            self.on_device = upload(self.scene, "cpu")
+            self.width, self.height = self.on_device.camera.width, self.on_device.camera.height
+            self.pixels = self.width * self.height
+            pilot = max(FEWEST, spp // PILOT_PART)
+            all_complex = Rule(np.zeros(self.pixels, np.float32), np.ones(self.pixels, np.float32), 0.0)
+            rule = learn(self._sample(all_complex, pilot, 2 * seed)[1], self.width)
+            count = max(1, round((spp - pilot) * (1.0 - rule.share)))
+            simple, y = self._sample(rule, count, 2 * seed + 1)
+            image, found = simple.astype(np.float64), (0.0, 0.0)
+            if y.any() and rule.share > 0.0:
+                light, *found = self._chains(rule, y, (spp - pilot - count) * self.pixels, 2 * seed + 1)
+                image = image + light
+        return Picture(image.reshape(self.height, self.width, 3), rule.share, float(y.mean()), *found)
+
+    def _sample(self, rule: Rule, count: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Means of what is simple, shape (pixels, 3); y, shape (pixels, count)."""
+        simple, y = wp.zeros(self.pixels, dtype=wp.vec3), wp.zeros((self.pixels, count), dtype=float)
+        inputs = [seed, steps_of(count), MAX_DEPTH, wp.array(rule.threshold), wp.array(rule.worth), simple, y]
+        wp.launch(self.base.sample, dim=self.pixels, inputs=[self.on_device.view, self.on_device.camera, *inputs])
+        return simple.numpy(), y.numpy()
+
+    def _chains(self, rule: Rule, y: NDArray[np.float32], steps: int, seed: int) -> tuple[Array, float, float]:
+        """Light of the complex part, shape (pixels, 3), from so many steps in all; `accepted`, `replay`."""
+        count = max(1, steps // STEPS)
+        generator = np.random.default_rng(seed)
+        # Even steps through the samples' sum: each has its probability, and the picture's parts their share.
+        sums = np.cumsum(y, dtype=np.float64)
+        places = (np.arange(count) + generator.random()) / count * sums[-1]
+        chosen = np.minimum(np.searchsorted(sums, places, side="right"), np.flatnonzero(y)[-1])
+        pixels, samples = (part.astype(np.int32) for part in np.divmod(chosen, y.shape[1]))
+        rows = wp.zeros(count * SLOTS, dtype=wp.vec4)
+        inputs = [self.on_device.camera, seed, steps_of(y.shape[1]), wp.array(pixels), wp.array(samples), rows]
+        wp.launch(self.base.put_seed, dim=count, inputs=inputs)
+        chains = Chains()
+        chains.seed, chains.steps, chains.large = seed, STEPS, LARGE_STEPS
+        chains.low, chains.high = rows.ptr & 0xFFFFFFFF, rows.ptr >> 32
+        light, log = wp.zeros(self.pixels, dtype=wp.vec3), wp.zeros((count, 2), dtype=float)
+        inputs = [chains, MAX_DEPTH, wp.array(rule.threshold), wp.array(rule.worth), light, log]
+        wp.launch(self.walk, dim=count, inputs=[self.on_device.view, self.on_device.camera, *inputs])
+        scale = self.pixels * float(y.mean(dtype=np.float64)) / (count * STEPS)
+        logged, known = log.numpy(), y.ravel()[chosen]
+        replay = float(np.median(np.abs(logged[:, 0] / known - 1.0)))
+        return light.numpy().astype(np.float64) * scale, float(logged[:, 1].mean()), replay
+
+
+def steps_of(count: int) -> vec_lattice:
+    return vec_lattice(*lattice_steps(lattice_length(count)))
+
+
+def glass_block(folder: Path) -> Path:
+    """A block of glass and a matt one on a table, under a small lamp and a faint sky."""
+    path = folder / "glass_block.usda"
+    stage = Stage(path)
+    stage.box((-3, -0.1, -3), (3, 0, 3), WHITE)
+    stage.box((-3, 0, -1.6), (3, 2.5, -1.5), GREY)
+    stage.box((0.7, 0, -0.9), (1.2, 0.8, -0.4), RED)
+    stage.box((-0.5, 0.3, -0.4), (0.4, 0.9, 0.3), WHITE)
+    material = UsdShade.Material(stage.usd.GetPrimAtPath(f"/World/Material{stage.count}"))
+    stage.usd.RemovePrim(material.GetPath().AppendChild("Surface"))
+    material.GetSurfaceOutput().ClearSources()
+    glass = UsdShade.Shader.Define(stage.usd, material.GetPath().AppendChild("Glass"))
+    glass.CreateIdAttr("ND_standard_surface_surfaceshader")
+    for name, value in {"base": 0.0, "transmission": 1.0, "specular_roughness": 0.0}.items():
+        glass.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
+    out = glass.CreateOutput("out", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(out)
+    stage.panel((-0.4, 2.2, 0.3), (0.15, 0.15), (-90, 0, 0), 300.0)
+    stage.sky((0.05, 0.06, 0.08))
+    stage.camera((0.6, 1.6, 3.2), (0.0, 0.3, -0.2), 28.0)
+    stage.usd.Save()
+    return path
+
+
+def relative_variance(pictures: Array, scale: Array, outliers: bool) -> float:
+    values = pictures.var(axis=0, ddof=1) / scale
+    return float((values.ravel() if outliers else without_outliers(values)).mean())
+
+
+def p_value(a: Array, b: Array) -> float:
+    """That pictures, shape (seeds, H, W), have the same means in 4 x 3 parts; Bonferroni."""
+
+    def parts(pictures: Array) -> Array:
+        rows = [part.mean(axis=1) for part in np.array_split(pictures, 3, axis=1)]
+        return np.stack([part.mean(axis=1) for row in rows for part in np.array_split(row, 4, axis=1)], axis=1)
+
+    found = stats.ttest_ind(parts(a), parts(b), equal_var=False).pvalue
+    return float(min(1.0, 12 * np.nanmin(found)))
+
+
+def measure(scene: Scene, spp: int, seeds: int) -> dict[str, Any]:
+    """The row of a scene."""
+    prototype = Prototype(scene)
+    pictures: dict[str, list[Array]] = {"nee": [], "guided": [], "chains": []}
+    seconds: dict[str, list[float]] = {name: [] for name in pictures}
+    details: list[Picture] = []
+
+    def render(name: str, spp: int, seed: int) -> Array:
+        if name == "chains":
+            details.append(prototype.render(spp, seed))
+            return details[-1].image
+        return warpmis.render(scene, method=name, spp=spp, seed=seed, threads=1, max_depth=MAX_DEPTH).image
+
+    for name in pictures:
+        render(name, 64, 10_000)  # compiles
+    details.clear()
+    for seed in range(seeds):
+        for name in pictures:  # in turns, so that a change of the machine's speed falls on all
+            begun = time.process_time()
+            image = render(name, spp, seed)
+            seconds[name].append(time.process_time() - begun)
+            pictures[name].append(image @ LUMINANCE)
+    arrays = {name: np.array(of) for name, of in pictures.items()}
+    mean = np.mean([of.mean(axis=0) for of in arrays.values()], axis=0)
+    scale = mean**2 + (DARK * mean.mean()) ** 2
+    row: dict[str, Any] = {"seconds": {name: float(np.median(of)) for name, of in seconds.items()}}
+    for outliers, suffix in ((False, ""), (True, " all")):
+        error = {name: relative_variance(of, scale, outliers) for name, of in arrays.items()}
+        row["error" + suffix] = error
+        effort = {name: error[name] * row["seconds"][name] for name in error}
+        row |= {name + suffix: effort["nee"] / effort[name] for name in ("guided", "chains")}
+    for name in ("share", "complex", "accepted", "replay"):
+        row[name] = float(np.mean([getattr(detail, name) for detail in details]))
+    row["p"] = p_value(arrays["chains"], arrays["nee"])
+    return row
+
+
+def scene_of(name: str, width: int, folder: Path) -> Scene:
+    if name == "glass_block":
+        return warpmis.load_stage(str(glass_block(folder)), width=width)
+    stage = Path(name) if Path(name).exists() else ROOT / "usd_scenes" / name / "scene.usda"
+    return warpmis.load_stage(str(stage), width=width)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", default=SCENES, help="folders in usd_scenes, glass_block, or paths")
+    parser.add_argument("--spp", type=int, nargs="+", default=[64, 256])
+    parser.add_argument("--width", type=int, default=48)
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    report: dict[str, dict[int, dict[str, Any]]] = {}
+    print("| scene, spp | guided over nee | chains over nee | share | complex | accepted | p |", flush=True)
+    print("|---|---|---|---|---|---|---|", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name in arguments.scenes:
+            scene = scene_of(name, arguments.width, Path(folder))
+            for spp in arguments.spp:
+                row = report.setdefault(name, {})[spp] = measure(scene, spp, arguments.seeds)
+                gains = " | ".join(f"{row[m]:.2f}, {row[m + ' all']:.2f}" for m in ("guided", "chains"))
+                mark = "!" if row["p"] < SIGNIFICANCE else ""
+                rest = f"{row['share']:.0%} | {row['complex']:.3f} | {row['accepted']:.0%} | {row['p']:.2f}{mark}"
+                print(f"| {name}, {spp} | {gains} | {rest} |", flush=True)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=1))
+
+
+if __name__ == "__main__":
+    main()
