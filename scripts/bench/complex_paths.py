@@ -6,7 +6,8 @@ A SCENE is a folder of usd_scenes, `glass_block` (below: a glass block under a s
 primary_samples.py has the kernels. A render of the prototype goes like this:
 
 1. A pilot takes an eighth of the samples, by next-event estimation. It tells what luminance to expect of each pixel:
-   the median over 5 x 5 pixels, or over the pixel's own samples where that is larger.
+   the mean over 5 x 5 pixels without the two brightest samples, or that of the pixel's own samples without the
+   brightest one where that is larger.
 2. What a path brings above `factor` times as much is complex. Factor and the chains' share of the remaining samples are
    those of the least predicted error, sqrt(error) = sqrt(V) + sqrt(TIME) b. V is the relative variance of what stays,
    b the mean of what goes, relative to the pixels, and TIME the steps in which a chain forgets where it was. Where
@@ -19,15 +20,15 @@ So a picture is unbiased: the split is a function of the path, fixed before anyt
 
 The printed columns:
 
-guided, chains   how many times as efficient as `nee`: 1 / (error x time). The error is the relative variance over the
-                 seeds, as in guided.py; the second figure of each is without leaving out the worst 0.1 % of the pixels
+nee              relMSE, mean over the seeds, without the worst 0.1 % of each picture's pixels; then with all pixels
+guided, chains   how many times as efficient as `nee`: 1 / (relMSE x time), for both
 share            chains' share of the samples after the pilot, mean over the seeds; 0 is next-event estimation
 complex          mean of what the chains render, relative to their pixels' brightness
 accepted         share of accepted steps
 p                that the means of the prototype and of `nee` over 4 x 3 parts of the picture differ no more than that
                  by chance: Welch's test, the smallest of 12, times 12. `!` marks one below 1 %
 
-Time is CPU time of one thread, pilots, learning and chains included.
+The reference is the mean of a picture by the guide and one by the prototype, of REFERENCE samples each. Time is CPU time of one thread, pilots, learning and chains included.
 """
 
 from __future__ import annotations
@@ -52,18 +53,21 @@ from scipy import stats
 import warpmis
 from warpmis.device.upload import upload
 from warpmis.device.views import vec_lattice
-from warpmis.film.metrics import DARK, LUMINANCE, without_outliers
+from warpmis.film.metrics import DARK, LUMINANCE, OUTLIERS, relative_mse
 from warpmis.rendering.generating_vector import lattice_length, lattice_steps
 from warpmis.scene import Scene
 from warpmis.scene.features import detect
 
 ROOT = Path(__file__).parents[2]
 SCENES = ("open_terrace", "ajar_door", "cornell_box", "glass_block")
+METHODS = ("nee", "guided", "chains")
 FACTORS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-TIME, WORTH_IT = 20.0, 1.3
+TIME, WORTH_IT = 100.0, 1.3
 PILOT_PART, FEWEST = 8, 4
 LARGE_STEPS, STEPS = 0.1, 512
+SMALLEST, LARGEST = 2.0**-14, 2.0**-4
 MAX_DEPTH = 8
+REFERENCE = 4096
 SIGNIFICANCE = 0.01
 Array = NDArray[np.floating[Any]]
 
@@ -80,7 +84,8 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """image: shape (H, W, 3); complex, accepted: as printed; replay: largest relative error of the seeds' y."""
+    """image: shape (H, W, 3); complex, accepted: as printed; replay: relative error of the seeds' y when they
+    are traced from the table, at the median."""
 
     image: Array
     share: float
@@ -89,16 +94,20 @@ class Picture:
     replay: float
 
 
-def medians(picture: Array, radius: int = 2) -> Array:
-    """Over squares of pixels."""
-    padded = np.pad(picture, radius, mode="edge")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2), axis=(2, 3))
+def expected_luminance(found: Array, width: int) -> Array:
+    """Of each pixel, from the pilot's luminances, shape (pixels, samples); all but the brightest samples count."""
+    count = found.shape[1]
+    own = (found.sum(axis=1) - found.max(axis=1)) / (count - 1)
+    rows = np.pad(found.reshape(-1, width, count), ((2, 2), (2, 2), (0, 0)), mode="edge")
+    squares = np.lib.stride_tricks.sliding_window_view(rows, (5, 5), axis=(0, 1)).reshape(len(found), -1)
+    around = np.partition(squares, -3, axis=1)[:, :-2].mean(axis=1)
+    expected = np.maximum(own, around)
+    return np.sqrt(expected**2 + (DARK * expected.mean()) ** 2 + 1e-30)
 
 
 def learn(found: Array, width: int) -> Rule:
     """The rule from the pilot's luminances, shape (pixels, samples)."""
-    expected = np.maximum(medians(found.mean(axis=1).reshape(-1, width)).ravel(), np.median(found, axis=1))
-    expected = np.sqrt(expected**2 + (DARK * expected.mean()) ** 2 + 1e-30)
+    expected = expected_luminance(found, width)
     relative = found / expected[:, None]
     plain = math.sqrt(relative.var(axis=1, ddof=1).mean())
     best, factor, share = plain / math.sqrt(WORTH_IT), math.inf, 0.0
@@ -107,8 +116,8 @@ def learn(found: Array, width: int) -> Rule:
         chains = math.sqrt(TIME) * float(np.maximum(relative - tried, 0.0).mean())
         if simple + chains < best:
             best, factor, share = simple + chains, tried, chains / (simple + chains)
-    # Without chains nothing is above the threshold; else both sides get a tenth of the samples at least.
-    share = min(max(share, 0.1), 0.9) if math.isfinite(factor) else 0.0
+    # Half of the samples at least are ordinary ones, which have to find where chains begin, and what scales them.
+    share = min(max(share, 0.1), 0.5) if math.isfinite(factor) else 0.0
     threshold = np.minimum(factor * expected, np.finfo(np.float32).max)
     return Rule(threshold.astype(np.float32), (1.0 / expected).astype(np.float32), share)
 
@@ -158,6 +167,7 @@ class Prototype:
         wp.launch(self.base.put_seed, dim=count, inputs=inputs)
         chains = Chains()
         chains.seed, chains.steps, chains.large = seed, STEPS, LARGE_STEPS
+        chains.largest, chains.ratio = LARGEST, math.log(LARGEST / SMALLEST)
         chains.low, chains.high = rows.ptr & 0xFFFFFFFF, rows.ptr >> 32
         light, log = wp.zeros(self.pixels, dtype=wp.vec3), wp.zeros((count, 2), dtype=float)
         inputs = [chains, MAX_DEPTH, wp.array(rule.threshold), wp.array(rule.worth), light, log]
@@ -196,11 +206,6 @@ def glass_block(folder: Path) -> Path:
     return path
 
 
-def relative_variance(pictures: Array, scale: Array, outliers: bool) -> float:
-    values = pictures.var(axis=0, ddof=1) / scale
-    return float((values.ravel() if outliers else without_outliers(values)).mean())
-
-
 def p_value(a: Array, b: Array) -> float:
     """That pictures, shape (seeds, H, W), have the same means in 4 x 3 parts; Bonferroni."""
 
@@ -212,41 +217,46 @@ def p_value(a: Array, b: Array) -> float:
     return float(min(1.0, 12 * np.nanmin(found)))
 
 
-def measure(scene: Scene, spp: int, seeds: int) -> dict[str, Any]:
-    """The row of a scene."""
-    prototype = Prototype(scene)
-    pictures: dict[str, list[Array]] = {"nee": [], "guided": [], "chains": []}
-    seconds: dict[str, list[float]] = {name: [] for name in pictures}
-    details: list[Picture] = []
+class Bench:
+    """Renders one scene by all methods."""
 
-    def render(name: str, spp: int, seed: int) -> Array:
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.prototype = scene, Prototype(scene)
+        self.details: list[Picture] = []
+        for name in METHODS:
+            self.render(name, 64, 10_000)  # compiles
+        self.reference = np.mean([self.render(name, REFERENCE, 20_000) for name in ("guided", "chains")], axis=0)
+
+    def render(self, name: str, spp: int, seed: int) -> Array:
         if name == "chains":
-            details.append(prototype.render(spp, seed))
-            return details[-1].image
-        return warpmis.render(scene, method=name, spp=spp, seed=seed, threads=1, max_depth=MAX_DEPTH).image
+            self.details.append(self.prototype.render(spp, seed))
+            return self.details[-1].image
+        return warpmis.render(self.scene, method=name, spp=spp, seed=seed, threads=1, max_depth=MAX_DEPTH).image
 
-    for name in pictures:
-        render(name, 64, 10_000)  # compiles
-    details.clear()
-    for seed in range(seeds):
-        for name in pictures:  # in turns, so that a change of the machine's speed falls on all
-            begun = time.process_time()
-            image = render(name, spp, seed)
-            seconds[name].append(time.process_time() - begun)
-            pictures[name].append(image @ LUMINANCE)
-    arrays = {name: np.array(of) for name, of in pictures.items()}
-    mean = np.mean([of.mean(axis=0) for of in arrays.values()], axis=0)
-    scale = mean**2 + (DARK * mean.mean()) ** 2
-    row: dict[str, Any] = {"seconds": {name: float(np.median(of)) for name, of in seconds.items()}}
-    for outliers, suffix in ((False, ""), (True, " all")):
-        error = {name: relative_variance(of, scale, outliers) for name, of in arrays.items()}
-        row["error" + suffix] = error
-        effort = {name: error[name] * row["seconds"][name] for name in error}
-        row |= {name + suffix: effort["nee"] / effort[name] for name in ("guided", "chains")}
-    for name in ("share", "complex", "accepted", "replay"):
-        row[name] = float(np.mean([getattr(detail, name) for detail in details]))
-    row["p"] = p_value(arrays["chains"], arrays["nee"])
-    return row
+    def measure(self, spp: int, seeds: int) -> dict[str, Any]:
+        """A row of the table."""
+        pictures: dict[str, list[Array]] = {name: [] for name in METHODS}
+        seconds: dict[str, list[float]] = {name: [] for name in METHODS}
+        self.details.clear()
+        for seed in range(seeds):
+            for name in METHODS:  # in turns, so that a change of the machine's speed falls on all
+                begun = time.process_time()
+                pictures[name].append(self.render(name, spp, seed))
+                seconds[name].append(time.process_time() - begun)
+        row: dict[str, Any] = {"seconds": {name: float(np.median(of)) for name, of in seconds.items()}}
+        for outliers, suffix in ((OUTLIERS, ""), (0.0, " all")):
+            error = {
+                name: float(np.mean([relative_mse(image, self.reference, outliers) for image in of]))
+                for name, of in pictures.items()
+            }
+            effort = {name: error[name] * row["seconds"][name] for name in METHODS}
+            row |= {name + suffix: effort["nee"] / effort[name] for name in METHODS[1:]}
+            row["nee" + suffix], row["error" + suffix] = error["nee"], error
+        for name in ("share", "complex", "accepted", "replay"):
+            row[name] = float(np.mean([getattr(detail, name) for detail in self.details]))
+        luminance = {name: np.array(of) @ LUMINANCE for name, of in pictures.items()}
+        row["p"] = p_value(luminance["chains"], luminance["nee"])
+        return row
 
 
 def scene_of(name: str, width: int, folder: Path) -> Scene:
@@ -265,17 +275,18 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     report: dict[str, dict[int, dict[str, Any]]] = {}
-    print("| scene, spp | guided over nee | chains over nee | share | complex | accepted | p |", flush=True)
-    print("|---|---|---|---|---|---|---|", flush=True)
+    print("| scene, spp | relMSE of nee | guided over nee | chains over nee | share | complex | accepted | p |", flush=True)
+    print("|---|---|---|---|---|---|---|---|", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for name in arguments.scenes:
-            scene = scene_of(name, arguments.width, Path(folder))
+            bench = Bench(scene_of(name, arguments.width, Path(folder)))
             for spp in arguments.spp:
-                row = report.setdefault(name, {})[spp] = measure(scene, spp, arguments.seeds)
-                gains = " | ".join(f"{row[m]:.2f}, {row[m + ' all']:.2f}" for m in ("guided", "chains"))
+                row = report.setdefault(name, {})[spp] = bench.measure(spp, arguments.seeds)
+                cells = [f"{row['nee']:.4f}, {row['nee all']:.4f}"]
+                cells += [f"{row[m]:.2f}, {row[m + ' all']:.2f}" for m in METHODS[1:]]
                 mark = "!" if row["p"] < SIGNIFICANCE else ""
                 rest = f"{row['share']:.0%} | {row['complex']:.3f} | {row['accepted']:.0%} | {row['p']:.2f}{mark}"
-                print(f"| {name}, {spp} | {gains} | {rest} |", flush=True)
+                print(f"| {name}, {spp} | {' | '.join(cells)} | {rest} |", flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=1))
 

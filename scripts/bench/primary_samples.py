@@ -38,9 +38,6 @@ SLOTS = 52
 OF_CAMERA, OF_CHOICE, OF_LENS, OF_INTERFACE = (wp.constant(i) for i in range(4))
 # How a step's numbers come about: from the row as it is, moved a little, or drawn anew. RngKey.round says so.
 AS_THEY_ARE, SMALL, LARGE = (wp.constant(wp.uint32(i)) for i in range(3))
-# Sizes of a small step. Reference: Kelemen et al. (2002), section 4.
-SMALLEST = 1.0 / 1024.0
-LARGEST = 1.0 / 64.0
 # The block of a step's own decisions, and what its random numbers have apart from those of ordinary samples.
 DECISION = wp.constant(-3)
 OF_CHAINS = wp.constant(wp.uint32(0x9E3779B9))
@@ -50,15 +47,17 @@ OF_CHAINS = wp.constant(wp.uint32(0x9E3779B9))
 class Chains:
     """What all chains have in common; the table is a row of 4 SLOTS numbers a chain, by its address.
 
-    steps: of each chain; large: probability of a large step; first: the number of the first step.
+    steps: of each chain; large: probability of a large step; largest, ratio: a small step's size is at most `largest`,
+    and at least that divided by e^ratio.
     """
 
     seed: wp.uint32
     low: wp.uint32
     high: wp.uint32
     steps: int
-    first: int
     large: float
+    largest: float
+    ratio: float
 
 
 @wp.struct
@@ -79,9 +78,9 @@ def table_of(key: rng.RngKey) -> wp.array(dtype=wp.vec4):
 
 
 @wp.func
-def moved(u: float, xi: float) -> float:
-    """u moved by a number xi in [0, 1), around the circle; as likely there as back."""
-    size = wp.static(LARGEST) * wp.exp(-wp.log(wp.static(LARGEST / SMALLEST)) * wp.abs(2.0 * xi - 1.0))
+def moved(u: float, xi: float, size: float) -> float:
+    """u moved by `size` times a number, around the circle; as likely there as back."""
+    size = size * wp.abs(2.0 * xi - 1.0)
     v = wp.where(xi < 0.5, u + size, u - size)
     return wp.min(v - wp.floor(v), rng.ONE_MINUS_EPSILON)
 
@@ -96,7 +95,8 @@ def proposed(key: rng.RngKey, slot: int) -> wp.vec4:
     u = rows[int(key.pixel) * wp.static(SLOTS) + slot]
     if key.round == AS_THEY_ARE:
         return u
-    return wp.vec4(moved(u[0], xi[0]), moved(u[1], xi[1]), moved(u[2], xi[2]), moved(u[3], xi[3]))
+    size = rng.to_unit(key.lattice[2])
+    return wp.vec4(moved(u[0], xi[0], size), moved(u[1], xi[1], size), moved(u[2], xi[2], size), moved(u[3], xi[3], size))
 
 
 @wp.func
@@ -253,9 +253,10 @@ def chain_kernel(features: Features) -> wp.Kernel:
         log[wp.tid(), 0] = now.y
         accepted = float(0.0)
         for k in range(chains.steps):
-            key.sample = wp.uint32(chains.first + k)
+            key.sample = wp.uint32(k)
             decision = rng.uniform4(key, DECISION)
             key.round = wp.where(decision[0] < chains.large, LARGE, SMALL)
+            key.lattice[2] = wp.uint32(chains.largest * wp.exp(-chains.ratio * decision[2]) * 4.294967e9)
             new = evaluate(scene, camera, key, max_depth, threshold, worth)
             a = 1.0
             if now.y > 0.0:
