@@ -1,6 +1,6 @@
 """Rare bright paths by Metropolis chains, after Bitterli and Jarosz (2019), against `nee` and the cache's guide:
 
-    python scripts/bench/complex_paths.py [SCENE ...] [--spp 64 256] [--width 48] [--seeds 4] [--json FILE]
+    python scripts/bench/complex_paths.py [SCENE ...] [--spp 64 256] [--width 48] [--seeds 12] [--json FILE]
 
 A SCENE is a folder of usd_scenes, `glass_block` (below: a glass block under a small lamp), or a stage's path.
 primary_samples.py has the kernels. A render of the prototype goes like this:
@@ -59,7 +59,7 @@ from warpmis.scene import Scene
 from warpmis.scene.features import detect
 
 ROOT = Path(__file__).parents[2]
-SCENES = ("open_terrace", "ajar_door", "cornell_box", "glass_block")
+SCENES = ("open_terrace", "ajar_door", "cornell_box", "glass", "glass_block")
 METHODS = ("nee", "guided", "chains")
 FACTORS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 TIME, WORTH_IT = 100.0, 1.3
@@ -271,11 +271,14 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", default=SCENES, help="folders in usd_scenes, glass_block, or paths")
     parser.add_argument("--spp", type=int, nargs="+", default=[64, 256])
     parser.add_argument("--width", type=int, default=48)
-    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     report: dict[str, dict[int, dict[str, Any]]] = {}
-    print("| scene, spp | relMSE of nee | guided over nee | chains over nee | share | complex | accepted | p |", flush=True)
+    print(
+        "| scene, spp | relMSE of nee | guided over nee | chains over nee | share | complex | accepted | p |",
+        flush=True,
+    )
     print("|---|---|---|---|---|---|---|---|", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for name in arguments.scenes:

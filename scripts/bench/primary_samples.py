@@ -96,7 +96,9 @@ def proposed(key: rng.RngKey, slot: int) -> wp.vec4:
     if key.round == AS_THEY_ARE:
         return u
     size = rng.to_unit(key.lattice[2])
-    return wp.vec4(moved(u[0], xi[0], size), moved(u[1], xi[1], size), moved(u[2], xi[2], size), moved(u[3], xi[3], size))
+    return wp.vec4(
+        moved(u[0], xi[0], size), moved(u[1], xi[1], size), moved(u[2], xi[2], size), moved(u[3], xi[3], size)
+    )
 
 
 @wp.func

@@ -24,6 +24,7 @@ def make_vertex(
     sampler: SimpleNamespace,
 ) -> SimpleNamespace:
     """Functions: random_numbers, prepare, add_delta_light."""
+
     @wp.func
     def random_numbers(path: wp.ref[PathState], key: rng.RngKey, step: int) -> Vertex:
         """A vertex with its numbers alone. At the first one that is no mirror a single number makes the choices of
