@@ -20,7 +20,7 @@ So a picture is unbiased: the split is a function of the path, fixed before anyt
 
 The printed columns:
 
-nee              relMSE, mean over the seeds, without the worst 0.1 % of each picture's pixels; then with all pixels
+relMSE of nee    mean over the seeds, without the worst 0.1 % of each picture's pixels; then of all pixels
 guided, chains   how many times as efficient as `nee`: 1 / (relMSE x time), for both
 share            chains' share of the samples after the pilot, mean over the seeds; 0 is next-event estimation
 complex          mean of what the chains render, relative to their pixels' brightness
@@ -28,7 +28,8 @@ accepted         share of accepted steps
 p                that the means of the prototype and of `nee` over 4 x 3 parts of the picture differ no more than that
                  by chance: Welch's test, the smallest of 12, times 12. `!` marks one below 1 %
 
-The reference is the mean of a picture by the guide and one by the prototype, of REFERENCE samples each. Time is CPU time of one thread, pilots, learning and chains included.
+The reference is the mean of a picture by the guide and one by the prototype, of REFERENCE samples each. Time is CPU
+time of one thread, pilots, learning and chains included.
 """
 
 from __future__ import annotations
@@ -74,8 +75,8 @@ Array = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Rule:
-    """What is complex: above `threshold` [nit], shape (pixels,); worth: 1 / expected luminance [1/nit], shape (pixels,);
-    share: of the samples after the pilot that are the chains'."""
+    """threshold: above which luminance is complex [nit], shape (pixels,); worth: 1 / expected luminance [1/nit], shape
+    (pixels,); share: of the samples after the pilot that are the chains'."""
 
     threshold: NDArray[np.float32]
     worth: NDArray[np.float32]
@@ -84,8 +85,8 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """image: shape (H, W, 3); complex, accepted: as printed; replay: relative error of the seeds' y when they
-    are traced from the table, at the median."""
+    """image: shape (H, W, 3); share, complex, accepted: as printed; replay: median relative error of the chains'
+    first y, traced from the table."""
 
     image: Array
     share: float

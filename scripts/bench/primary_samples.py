@@ -1,7 +1,7 @@
 """The project's path tracer over primary samples, and Metropolis chains over them; complex_paths.py measures these.
 
-A primary sample is all of a path's random numbers, a point of the unit cube. The path tracer f maps it to radiance. What
-f brings above a threshold of the pixel's, T, is called complex:
+A primary sample is all of a path's random numbers, a point of the unit cube. The path tracer f maps it to radiance.
+What f brings above a threshold of the pixel's, T, is called complex:
 
     f = f_simple + f_complex,    f_complex = f max(0, 1 - T / luminance of f)
 
@@ -253,7 +253,7 @@ def chain_kernel(features: Features) -> wp.Kernel:
         key.lattice[1] = chains.high
         now = evaluate(scene, camera, key, max_depth, threshold, worth)
         log[wp.tid(), 0] = now.y
-        accepted = float(0.0)
+        accepted = float(0.0)  # noqa: UP018 - a variable in Warp's sense
         for k in range(chains.steps):
             key.sample = wp.uint32(k)
             decision = rng.uniform4(key, DECISION)
