@@ -21,7 +21,7 @@ So a picture is unbiased: the split is a function of the path, fixed before anyt
 The printed columns:
 
 relMSE of nee    mean over the seeds, without the worst 0.1 % of each picture's pixels; then of all pixels
-guided, chains   how many times as efficient as `nee`: 1 / (relMSE x time), for both
+guided, chains   how many times as efficient as `nee`: 1 / (relMSE x time), for both; ± by a jackknife over the seeds
 share            chains' share of the samples after the pilot, mean over the seeds; 0 is next-event estimation
 complex          mean of what the chains render, relative to their pixels' brightness
 accepted         share of accepted steps
@@ -207,6 +207,12 @@ def glass_block(folder: Path) -> Path:
     return path
 
 
+def jackknife(a: Array, b: Array) -> tuple[float, float]:
+    """mean a / mean b and its standard error, by leaving out one seed at a time."""
+    without = (a.sum() - a) / (b.sum() - b)
+    return float(a.mean() / b.mean()), float(without.std() * math.sqrt(len(a) - 1))
+
+
 def p_value(a: Array, b: Array) -> float:
     """That pictures, shape (seeds, H, W), have the same means in 4 x 3 parts; Bonferroni."""
 
@@ -247,12 +253,15 @@ class Bench:
         row: dict[str, Any] = {"seconds": {name: float(np.median(of)) for name, of in seconds.items()}}
         for outliers, suffix in ((OUTLIERS, ""), (0.0, " all")):
             error = {
-                name: float(np.mean([relative_mse(image, self.reference, outliers) for image in of]))
+                name: np.array([relative_mse(image, self.reference, outliers) for image in of])
                 for name, of in pictures.items()
             }
-            effort = {name: error[name] * row["seconds"][name] for name in METHODS}
-            row |= {name + suffix: effort["nee"] / effort[name] for name in METHODS[1:]}
-            row["nee" + suffix], row["error" + suffix] = error["nee"], error
+            for name in METHODS[1:]:
+                cost = row["seconds"][name] / row["seconds"]["nee"]
+                gain, spread = jackknife(error["nee"], error[name])
+                row[name + suffix] = gain / cost, spread / cost
+            row["nee" + suffix] = float(error["nee"].mean())
+            row["error" + suffix] = {name: of.tolist() for name, of in error.items()}
         for name in ("share", "complex", "accepted", "replay"):
             row[name] = float(np.mean([getattr(detail, name) for detail in self.details]))
         luminance = {name: np.array(of) @ LUMINANCE for name, of in pictures.items()}
@@ -287,7 +296,8 @@ def main() -> None:
             for spp in arguments.spp:
                 row = report.setdefault(name, {})[spp] = bench.measure(spp, arguments.seeds)
                 cells = [f"{row['nee']:.4f}, {row['nee all']:.4f}"]
-                cells += [f"{row[m]:.2f}, {row[m + ' all']:.2f}" for m in METHODS[1:]]
+                for gains in ((row[name], row[name + " all"]) for name in METHODS[1:]):
+                    cells.append(", ".join(f"{gain:.2f} ± {spread:.2f}" for gain, spread in gains))
                 mark = "!" if row["p"] < SIGNIFICANCE else ""
                 rest = f"{row['share']:.0%} | {row['complex']:.3f} | {row['accepted']:.0%} | {row['p']:.2f}{mark}"
                 print(f"| {name}, {spp} | {' | '.join(cells)} | {rest} |", flush=True)
