@@ -1,5 +1,7 @@
 """Camera rays."""
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from warpmis.device.views import CameraView
@@ -55,9 +57,9 @@ def clipped(camera: CameraView, ray: CameraRay) -> CameraRay:
     return ray
 
 
-def make_camera(features: Features) -> wp.Function:
-    """The function camera_ray for one set of effects."""
-    sampler = make_sampler(features)
+def make_camera(features: Features, sampler: SimpleNamespace | None = None) -> wp.Function:
+    """The function camera_ray for one set of effects; sampler: functions in place of make_sampler's."""
+    sampler = sampler or make_sampler(features)
 
     @wp.func
     def camera_ray(camera: CameraView, key: rng.RngKey, pixel: int, u: float, v: float) -> CameraRay:

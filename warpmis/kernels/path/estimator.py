@@ -17,7 +17,11 @@ from warpmis.scene.features import Features
 
 
 def make_estimator(
-    features: Features, surface: SimpleNamespace, lights: SimpleNamespace, direct_light: SimpleNamespace
+    features: Features,
+    surface: SimpleNamespace,
+    lights: SimpleNamespace,
+    direct_light: SimpleNamespace,
+    sampler: SimpleNamespace,
 ) -> SimpleNamespace:
     """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, `strategies`.
 
@@ -37,7 +41,7 @@ def make_estimator(
         PathState = make_state(CountsEstimate, parts_type(learns), Scattering)
         contributions = make_contributions(features, PathState)
         record = make_parts(PathState, learns)
-        survives = make_roulette(features, PathState, record).survives
+        survives = make_roulette(features, PathState, record, sampler).survives
         next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
         estimator = make_counts(
             PathState, strategies, surface, lights, direct_light, next_event, contributions, record, survives
@@ -58,7 +62,7 @@ def make_estimator(
         estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
         estimator.record = record
     if not hasattr(estimator, "survives"):
-        estimator.survives = make_roulette(features, PathState, estimator.record).survives
+        estimator.survives = make_roulette(features, PathState, estimator.record, sampler).survives
     estimator.PathState = PathState
     estimator.contributions = contributions
     estimator.strategies = strategies

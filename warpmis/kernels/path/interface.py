@@ -62,6 +62,7 @@ def make_interface(
     intersect: SimpleNamespace,
     specular: SimpleNamespace,
     contributions: SimpleNamespace,
+    sampler: SimpleNamespace,
 ) -> SimpleNamespace:
     """The function cross."""
     side = SimpleNamespace(evaluate=evaluate_side)
@@ -133,12 +134,12 @@ def make_interface(
                 vertex.surface.material = material
                 vertex.surface.wo = wo
                 vertex.surface.is_front = hit.is_front
-                vertex.u_light = rng.uniform4_of_step(key, step, rng.LIGHT)
-                u = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)
+                vertex.u_light = sampler.independent_of_step(key, step, rng.LIGHT)
+                u = sampler.independent_of_step(key, step, rng.DELTA_LIGHT)
                 vertex.u_delta = u[0]
                 look(vertex, hit, u[2] < 0.5)
                 add_light_samples(scene, path, hit, vertex)
-        s = sample_interface(material, wo, hit.is_front, u_choice, rng.uniform4_of_step(key, step, rng.SCATTER))
+        s = sample_interface(material, wo, hit.is_front, u_choice, sampler.independent_of_step(key, step, rng.SCATTER))
         path.beta = wp.cw_mul(path.beta, s.weight)
         absorption = path.receiver.absorption
         if s.is_refracted:

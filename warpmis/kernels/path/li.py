@@ -35,28 +35,31 @@ from warpmis.scene.features import Features
 wp.set_module_options({"enable_backward": False})
 
 
-def make_path(features: Features, intersect: SimpleNamespace | None = None) -> SimpleNamespace:
+def make_path(
+    features: Features, intersect: SimpleNamespace | None = None, sampler: SimpleNamespace | None = None
+) -> SimpleNamespace:
     """The function Li for one set of effects, its result type PathState, and the estimator's `strategies`.
 
-    intersect: functions in place of make_intersect's, for those who watch the rays.
+    intersect: functions in place of make_intersect's, for those who watch the rays; sampler: in place of
+    make_sampler's, for those who give the numbers.
     """
     intersect = intersect or make_intersect(features)
+    sampler = sampler or make_sampler(features)
     lights = make_lights(features)
     surface = make_surface(features)
     materials = make_material(features)
     events = make_events(features, intersect.transparency)
     direct_light = make_direct_light(features, surface, lights, intersect)
-    estimator = make_estimator(features, surface, lights, direct_light)
+    estimator = make_estimator(features, surface, lights, direct_light, sampler)
     record = estimator.record
     PathState = estimator.PathState
     vec_s = estimator.strategies.vec_s
     contributions = estimator.contributions
     emission = make_emission(features, PathState, lights, record, contributions)
     specular = make_specular(features, PathState, lights, contributions)
-    interface = make_interface(features, PathState, lights, intersect, specular, contributions)
-    vertices = make_vertex(features, PathState, surface, lights, direct_light, contributions)
+    interface = make_interface(features, PathState, lights, intersect, specular, contributions, sampler)
+    vertices = make_vertex(features, PathState, surface, lights, direct_light, contributions, sampler)
     throughput = make_throughput(features, surface, estimator)
-    sampler = make_sampler(features)
     branches = features.allocation == "counts"
     has_events = features.smooth or features.opacity or features.transmission
 

@@ -14,7 +14,9 @@ from warpmis.scene.features import Features
 wp.set_module_options({"enable_backward": False})
 
 
-def make_roulette(features: Features, PathState: type, record: SimpleNamespace) -> SimpleNamespace:
+def make_roulette(
+    features: Features, PathState: type, record: SimpleNamespace, sampler: SimpleNamespace
+) -> SimpleNamespace:
     """The function survives: Russian roulette by throughput, for paths that know nothing of the light to come."""
 
     @wp.func
@@ -32,7 +34,7 @@ def make_roulette(features: Features, PathState: type, record: SimpleNamespace) 
                 survival = roulette.survival(wp.max(path.beta))
                 record.roulette(path, survival)
                 path.beta = path.beta / survival
-                return rng.uniform4_of_step(key, step, rng.EVENT)[2] < survival
+                return sampler.independent_of_step(key, step, rng.EVENT)[2] < survival
         return True
 
     return SimpleNamespace(survives=survives)

@@ -8,7 +8,6 @@ from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.path.state import Vertex
-from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.shading_frame import Frame
 from warpmis.scene.features import Features
 
@@ -22,9 +21,9 @@ def make_vertex(
     lights: SimpleNamespace,
     direct_light: SimpleNamespace,
     contributions: SimpleNamespace,
+    sampler: SimpleNamespace,
 ) -> SimpleNamespace:
     """Functions: random_numbers, prepare, add_delta_light."""
-    sampler = make_sampler(features)
 
     @wp.func
     def random_numbers(path: wp.ref[PathState], key: rng.RngKey, step: int) -> Vertex:
