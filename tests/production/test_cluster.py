@@ -179,7 +179,9 @@ def test_frames_are_tasks_and_leave_no_process(tmp_path: Path, monkeypatch: pyte
         time.sleep(0.1)
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "ending", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL]
+)
 def test_no_process_outlives_the_command(tmp_path: Path, ending: signal.Signals) -> None:
     """Ctrl-C reaches all processes of a terminal; of the others the workers learn by their parent's end."""
     out, preview = tmp_path / "a.exr", tmp_path / "look.png"

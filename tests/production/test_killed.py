@@ -62,7 +62,7 @@ def killed_until_whole(folder: Path, method: str, kills: int, seed: int) -> int:
     return found
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["auto"])
 def test_killed_three_times(tmp_path: Path, method: str) -> None:
     killed_until_whole(tmp_path, method, kills=3, seed=1)
 

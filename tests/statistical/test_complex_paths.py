@@ -33,6 +33,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Any:
     return module
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_the_mean_is_that_of_next_event_estimation(name: str, bench: Any, tmp_path: Path) -> None:
     scene = room(24) if name == "room" else warpmis.load_stage(str(bench.glass_block(tmp_path)), width=24)

@@ -256,7 +256,7 @@ def without_light_samples(scene: Scene) -> dict[str, Any]:
 @pytest.mark.parametrize("name", FROST)
 def test_light_samples_at_frosted_glass_change_no_mean(name: str) -> None:
     scene = lit(name, 0.15)
-    found, without = means(scene, 512), means(scene, 2048, **without_light_samples(scene))
+    found, without = means(scene, 512), means(scene, 1024, **without_light_samples(scene))
     assert paired_p_values(found, without).min() > FROST_LEVEL
     assert caught_bias(found, without, FROST_LEVEL) < 0.05
 

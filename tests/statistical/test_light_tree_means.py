@@ -12,6 +12,7 @@ from unittest import mock
 import numpy as np
 import pytest
 import scenes
+from hard.every import effects_of
 from numpy.typing import NDArray
 from statistical.estimates import REGIONS, block_means, caught_bias, paired_p_values
 from stats import sidak
@@ -30,7 +31,6 @@ from warpmis.scene import (
     SphereLight,
     features,
 )
-from warpmis.scene.features import Features
 from warpmis.scene.light_control import LightControl, Shaping
 
 SEEDS = 12
@@ -124,7 +124,7 @@ LEVEL = sidak(0.01, len(CASES) * len(WAYS) * REGIONS)
 
 def pictures(scene: Scene, few: int, settings: dict[str, Any]) -> NDArray[np.float64]:
     with mock.patch.object(features, "FEW_LIGHTS", few):
-        every = Features.all()
+        every = replace(effects_of(CASES.values()), light_tree=True)  # one kernel a way for all cases
         found = (warpmis.render(scene, spp=64, seed=k, features=every, **settings).image for k in range(SEEDS))
         return np.array([block_means(image) for image in found])
 
