@@ -30,7 +30,7 @@ RAY_TIME = 1.55
 # Least gain of a render that goes on with the cache.
 LEAST_GAIN = 0.95
 # How many times as much a cache gains that has learned from twice as many paths: 1.05 to 1.3 in thirteen scenes.
-GROWTH = 1.15
+GROWTH = 1.12
 # Part of the mean luminance below which a pixel counts as if it were that bright.
 DARK = 0.1
 
