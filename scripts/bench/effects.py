@@ -48,6 +48,9 @@ TOGETHER = {
     "clearcoat": ("specular",),
     "smooth": ("specular",),
     "ies": ("shaping",),
+    "rough_transmission": ("transmission",),
+    "absorption": ("transmission",),
+    "emissive_instances": ("instances", "light_tree", "mesh_light"),
 }
 
 
