@@ -55,7 +55,8 @@ TOGETHER = {
 
 
 def effect_names() -> list[str]:
-    return [field.name for field in dataclasses.fields(Features) if field.type == "bool"]
+    """All but the spatial cache, which is a method's."""
+    return [field.name for field in dataclasses.fields(Features) if field.type == "bool" and field.name != "cache"]
 
 
 def with_effect(features: Features, name: str) -> Features:
