@@ -46,8 +46,7 @@ def test_a_gate_that_flips_is_unbiased(small_rounds: None, monkeypatch: pytest.M
 
     def remember(pilot: gate.Trial, trials: list[gate.Trial], prospects: list[gate.Prospect]) -> bool:
         if trials:
-            found = gate.gain(pilot, trials[-1]) * gate.GROWTH ** prospects[len(trials) - 1].doublings
-            gains.append(found * (1.0 - prospects[len(trials) - 1].dropped))
+            gains.append(gate.promised(pilot, trials[-1], prospects[len(trials) - 1]))
         return False
 
     with monkeypatch.context() as watched:

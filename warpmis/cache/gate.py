@@ -63,11 +63,12 @@ def pilot_stride(pixels: int, spp: int) -> int:
 
 def pays(pilot: Trial, trials: list[Trial], prospects: list[Prospect]) -> bool:
     """Whether the rest of a render promises less variance x time with the cache, by the latest of the trials."""
-    if not trials:
-        return False
-    prospect = prospects[len(trials) - 1]
-    promised = gain(pilot, trials[-1]) * GROWTH**prospect.doublings * (1.0 - prospect.dropped)
-    return promised > LEAST_GAIN
+    return bool(trials) and promised(pilot, trials[-1], prospects[len(trials) - 1]) > LEAST_GAIN
+
+
+def promised(pilot: Trial, trial: Trial, prospect: Prospect) -> float:
+    """The gain of the rest of a render, with what training is still to bring and to cost."""
+    return gain(pilot, trial) * GROWTH**prospect.doublings * (1.0 - prospect.dropped)
 
 
 def gain(pilot: Trial, trial: Trial) -> float:
