@@ -16,12 +16,14 @@ from warpmis.methods import METHODS, Method
 from warpmis.whole_numbers import checked_integer
 
 STRATEGIES = ("bsdf", "light", "uniform", "cosine", "area", "dome", "diffuse", "specular")
+# And what a spatial cache has learned, for the methods that have one.
+CELL_STRATEGIES = (*STRATEGIES, "guide")
 DEFAULT_STRATEGIES = ("bsdf", "light")
 STRATEGY_CHOICES = ("stratified", "random")
 SAMPLERS = ("lattice", "independent")
 
 # Strategies whose densities are positive wherever the integrand is: a mixture needs one of them.
-COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular")
+COMPLETE = ("bsdf", "uniform", "cosine", "diffuse", "specular", "guide")
 
 # Samples per pixel where none are asked for: of a plain render, and the most of one that a stopping rule ends.
 DEFAULT_SPP = 256
@@ -181,8 +183,8 @@ class RenderConfig:
             self._check_learning()
         elif self.learn != LearnConfig(keep_maps=self.learn.keep_maps and self.how.cache):
             raise ConfigError(f"method '{self.method}' takes no learn settings: drop them, or take murray20")
-        if self.how.cache and self.strategies != DEFAULT_STRATEGIES:
-            raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
+        if not self.how.has_strategies and self.strategies != DEFAULT_STRATEGIES:
+            raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take cells for others")
 
     @property
     def how(self) -> Method:
@@ -329,11 +331,14 @@ def _checked_strategies(strategies: Sequence[str], method: str) -> tuple[str, ..
     if isinstance(given, str) or not isinstance(given, Collection) or not all(isinstance(name, str) for name in given):
         raise ConfigError(f"strategies must be a tuple of names, such as ('bsdf', 'light'), got {strategies!r}")
     names = tuple(strategies)
+    known = CELL_STRATEGIES if method == "cells" else STRATEGIES
     for name in names:
-        if name not in STRATEGIES:
-            raise ConfigError(f"unknown strategy '{name}'; choose from {', '.join(STRATEGIES)}")
+        if name not in CELL_STRATEGIES:
+            raise ConfigError(f"unknown strategy '{name}'; choose from {', '.join(known)}")
+        if name not in known:
+            raise ConfigError(f"method '{method}' has no strategy '{name}': take method cells, or drop it")
     if not names:
-        raise ConfigError(f"name at least one strategy; choose from {', '.join(STRATEGIES)}")
+        raise ConfigError(f"name at least one strategy; choose from {', '.join(known)}")
     if len(set(names)) < len(names):
         raise ConfigError(f"strategies must differ, got {', '.join(names)}; name each once")
     if not set(names) & set(COMPLETE):

@@ -29,6 +29,7 @@ class Method:
         max_rounds: most learn rounds that the budget may be divided into.
         counts: several light samples and paths at the first vertex, as many as a pilot finds best.
         cache: a spatial cache guides the paths at every vertex.
+        by_cells: the cache's cells share directions among the strategies, and there are no light samples.
         tries: only where it pays, by a trial.
     """
 
@@ -47,11 +48,17 @@ class Method:
     max_rounds: int = 8
     counts: bool = False
     cache: bool = False
+    by_cells: bool = False
     tries: bool = False
 
     @property
     def learns(self) -> bool:
         return bool(self.solver)
+
+    @property
+    def has_strategies(self) -> bool:
+        """Whether directions are shared among the strategies that a user names."""
+        return self.by_cells or not self.cache
 
 
 METHODS: dict[str, Method] = {
@@ -107,6 +114,11 @@ METHODS: dict[str, Method] = {
     ),
     "guided": Method(
         summary="a spatial cache learns directions, shares, roulette and shadow rays at every vertex", cache=True
+    ),
+    "cells": Method(
+        summary="a mixture of strategies at every vertex: shares by cells of a spatial cache, Newton on the simplex",
+        cache=True,
+        by_cells=True,
     ),
     "auto": Method(summary="guided where a trial finds that it pays, else nee (the default)", cache=True, tries=True),
 }

@@ -56,13 +56,25 @@ def maps_of(cache: SpatialCache, cells: NDArray[np.int32], size: tuple[int, int]
         size: height and width of the picture.
         worth: what radiance is worth in each pixel, shape (H * W,).
     """
-    step = max(1, -(-size[0] // cells.shape[0]), -(-size[1] // cells.shape[1]))
-    whole = cells.repeat(step, axis=0).repeat(step, axis=1)[: size[0], : size[1]]
+    whole = _spread_out(cells, size)
     is_known, index = whole >= 0, np.maximum(whole, 0)
 
     def rate(worths: NDArray[np.float64]) -> FloatArray:
         rates = np.clip(worths[index] * worth.reshape(size), float(MIN_RATE), 1.0)
         return np.where(is_known, rates, 0.0).astype(np.float32)
 
-    share = np.where(is_known, cache.shares[index], 0.0).astype(np.float32)
+    share = np.where(is_known, cache.sharing.share_of("bsdf")[index], 0.0).astype(np.float32)
     return CacheMaps(np.ascontiguousarray(whole), share, rate(cache.tail_worth), rate(cache.light_worth))
+
+
+def shares_of(cache: SpatialCache, cells: NDArray[np.int32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """The shares of the strategies at the first vertex, shape (H, W, S); equal ones where the cell is not known."""
+    whole = _spread_out(cells, size)[..., np.newaxis]
+    shares = cache.sharing.shares
+    return np.where(whole >= 0, shares[np.maximum(whole[..., 0], 0)], 1.0 / shares.shape[1]).astype(np.float32)
+
+
+def _spread_out(cells: NDArray[np.int32], size: tuple[int, int]) -> NDArray[np.int32]:
+    """The cells of all pixels, those between the recorded ones like the one before them."""
+    step = max(1, -(-size[0] // cells.shape[0]), -(-size[1] // cells.shape[1]))
+    return cells.repeat(step, axis=0).repeat(step, axis=1)[: size[0], : size[1]]

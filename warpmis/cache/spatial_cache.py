@@ -9,7 +9,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpmis.cache.cell_moments import DECAY, FIRST_SHARE, CellMoments, updated_shares, worths
+from warpmis.cache.cell_moments import DECAY, CellMoments, worths
+from warpmis.cache.cell_shares import CellShares
 from warpmis.cache.cells import CellTree, IntArray
 from warpmis.cache.directions import guide_densities, pyramid
 from warpmis.device.cache_views import GUIDE_BINS, CacheView, CellTreeView, CellView, VertexRecord
@@ -23,11 +24,14 @@ BINS = GUIDE_BINS * GUIDE_BINS
 # The tree is refined by about this many records; the sums are of all.
 TREE_RECORDS = 16_000
 # What is added up of each record.
-COLUMNS = ("tail", "light", "cost", "bsdf_ratio", "radiance", "jacobian")
+COLUMNS = ("tail", "light", "cost", "radiance", "jacobian")
 
 # What a state holds of the cache, beside its moments, and of its tree.
-LEARNED = ("rounds", "shares", "tail_worth", "light_worth", "histogram", "densities")
+LEARNED = ("rounds", "tail_worth", "light_worth", "histogram", "densities")
 TREE = ("axis", "child", "split", "leaf_of")
+SHARES = ("shares", "count", "sums")
+# Strategies that draw more or less by the cosine, as the guide does where it knows nothing.
+BY_COSINE = ("bsdf", "uniform", "cosine", "diffuse")
 
 
 class SpatialCache:
@@ -36,12 +40,12 @@ class SpatialCache:
     All sums are made in a fixed order: the same records give the same bits, for any number of threads.
     """
 
-    def __init__(self, extent: float, device: str) -> None:
-        """extent: the longest side of the scene's box [scene units]."""
+    def __init__(self, extent: float, strategies: tuple[str, ...], device: str) -> None:
+        """extent: the longest side of the scene's box [scene units]; strategies: what draws directions."""
         self.device = device
         self.tree = CellTree(extent)
         self.rounds = 0
-        self.shares: FloatArray = np.ones(1)
+        self.sharing = CellShares(strategies, device)
         self.tail_worth: FloatArray = np.ones(1)
         self.light_worth: FloatArray = np.ones(1)
         self.moments = CellMoments.zeros(1)
@@ -52,14 +56,15 @@ class SpatialCache:
     def cells(self) -> int:
         return self.tree.cells
 
-    def learn(self, vertices: wp.array, launch: Launch) -> IntArray:
+    def learn(self, vertices: wp.array, ratios: wp.array, launch: Launch) -> IntArray:
         """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths.
 
-        Returns the cell of each record, -1 where there was no vertex.
+        ratios: p_s / p_a of each record's strategies. Returns the cell of each record, -1 where there was no vertex.
         """
-        table = vertices.numpy()
+        table, drawn = vertices.numpy(), ratios.numpy().reshape(len(vertices), -1)
         # A record that left float32's range says nothing.
         finite = np.isfinite(table["tail"]) & np.isfinite(table["light"]) & np.isfinite(table["jacobian"])
+        finite &= np.isfinite(drawn).all(axis=1)
         used = np.flatnonzero((table["used"] != 0) & finite)
         if len(used) == 0:
             return np.full(len(vertices), -1)
@@ -67,16 +72,14 @@ class SpatialCache:
         cell_of, bin_of = self._locate(vertices, launch)
         cells, bins = cell_of[used], bin_of[used]
         columns = {name: table[name][used].astype(np.float64) for name in COLUMNS}
-        latest = self._sums(columns, cells)
-        self.moments = self.moments.plus(latest)
-        squares = columns["radiance"] ** 2 * columns["jacobian"]
-        self.histogram += np.bincount(bins, squares, self.cells * BINS).reshape(-1, BINS)
+        self.moments = self.moments.plus(self._sums(columns, cells))
+        by_ratio = drawn[used].astype(np.float64)
+        # What sampling of lights finds need not be looked for by the guide.
+        radiance = columns["radiance"] * (1.0 - self.sharing.found_by_lights(cells, by_ratio))
+        self.histogram += np.bincount(bins, radiance**2 * columns["jacobian"], self.cells * BINS).reshape(-1, BINS)
         self.rounds += 1
-        if self.rounds == 1:
-            self.shares = np.full(self.cells, FIRST_SHARE)  # the round had no guide to compare with
-        else:
-            self.shares = updated_shares(self.shares, latest, self.moments)
-        self.densities = guide_densities(self.histogram, self.shares)
+        self.sharing.learn(cells, columns["tail"], by_ratio, launch)
+        self.densities = guide_densities(self.histogram, self.sharing.share_of(*BY_COSINE))
         self.tail_worth, self.light_worth = worths(self.moments)
         return cell_of
 
@@ -89,7 +92,7 @@ class SpatialCache:
         factor: FloatArray = DECAY * 0.5 ** refined.halvings.astype(np.float64)
         self.moments = self.moments.inherited(refined.parent, factor)
         self.histogram = self.histogram[refined.parent] * factor[:, np.newaxis]
-        self.shares = self.shares[refined.parent]
+        self.sharing.inherit(refined.parent, factor)
 
     def _locate(self, vertices: wp.array, launch: Launch) -> tuple[IntArray, IntArray]:
         cells, bins = (wp.zeros(len(vertices), dtype=int, device=self.device) for _ in range(2))
@@ -97,18 +100,12 @@ class SpatialCache:
         return cells.numpy().astype(np.int64), bins.numpy().astype(np.int64)
 
     def _sums(self, columns: dict[str, FloatArray], cells: IntArray) -> CellMoments:
-        shares, tail, ratio = self.shares[cells], columns["tail"], columns["bsdf_ratio"]
-        # The densities of the mixture add up to it: a q_B + (1 - a) q_G = 1.
-        guide_ratio = np.maximum((1.0 - shares * ratio) / np.maximum(1.0 - shares, 1e-9), 0.0) * (shares < 1.0)
-
         def add(values: Any = None) -> FloatArray:
             return np.bincount(cells, values, self.cells).astype(np.float64)
 
         return CellMoments(
             count=add(),
-            by_bsdf=add(tail * ratio),
-            by_guide=add(tail * guide_ratio),
-            tail=add(tail),
+            tail=add(columns["tail"]),
             light=add(columns["light"]),
             cost=add(columns["cost"]),
         )
@@ -117,7 +114,8 @@ class SpatialCache:
         """All that has been learned, as plain arrays."""
         own = {name: getattr(self, name) for name in LEARNED}
         tree = {name: getattr(self.tree, name) for name in TREE}
-        return {**own, "tree": tree, "moments": dict(vars(self.moments))}
+        shares = {name: getattr(self.sharing, name) for name in SHARES}
+        return {**own, "tree": tree, "shares": shares, "moments": dict(vars(self.moments))}
 
     def resume(self, state: dict[str, Any]) -> None:
         """Go on from a state."""
@@ -125,6 +123,8 @@ class SpatialCache:
             setattr(self, name, state[name])
         for name in TREE:
             setattr(self.tree, name, state["tree"][name])
+        for name in SHARES:
+            setattr(self.sharing, name, state["shares"][name])
         self.moments = CellMoments(**state["moments"])
 
     def tree_view(self) -> CellTreeView:
@@ -136,12 +136,14 @@ class SpatialCache:
 
     def view(self, pixel_worth: NDArray[np.float32]) -> CacheView:
         """What kernels read; pixel_worth: what radiance is worth in each pixel [1 / radiance], shape (pixels,)."""
-        columns = {"bsdf_share": self.shares, "tail_worth": self.tail_worth, "shadow_ray_worth": self.light_worth}
+        columns = {"bsdf_share": self.sharing.share_of("bsdf"), "tail_worth": self.tail_worth, "shadow_ray_worth": self.light_worth}
         view = CacheView()
         view.tree = self.tree_view()
         with wp.ScopedDevice(self.device):
             view.cells = records(CellView, columns, self.cells)
+        view.shares = wp.array(self.sharing.shares.ravel(), dtype=wp.float32, device=self.device)
         view.densities = wp.array(pyramid(self.densities).ravel(), dtype=wp.float32, device=self.device)
         view.pixel_worth = wp.array(pixel_worth, dtype=wp.float32, device=self.device)
         view.records = wp.empty(0, dtype=VertexRecord, device=self.device)
+        view.ratios = wp.empty(0, dtype=wp.float32, device=self.device)
         return view

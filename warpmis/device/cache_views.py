@@ -41,7 +41,7 @@ class VertexRecord:
 
     x, n: position and shading normal; u, v: its direction in the guide's square; used: 0 where there was no vertex.
 
-    jacobian: 1 / the direction's density over the square; bsdf_ratio: p_bsdf / p_a.
+    jacobian: 1 / the direction's density over the square.
 
     radiance: that which arrives along the direction; while the path lasts, the luminance gathered before it.
     throughput: what the path carries behind the vertex; tail: f cos / p_a, and F^2 once the path has ended.
@@ -56,7 +56,6 @@ class VertexRecord:
     v: float
     used: int
     jacobian: float
-    bsdf_ratio: float
     radiance: float
     throughput: float
     tail: float
@@ -68,17 +67,21 @@ class VertexRecord:
 class CacheView:
     """The spatial cache, as far as it has been learned, and where the vertices of a round that learns are recorded.
 
+    shares: of the strategies, where a mixture draws directions at every vertex: S a cell.
     densities: of the guide, GUIDE_NODES a cell, the coarsest level first, nodes in Morton order.
     pixel_worth: what radiance is worth in each pixel: the strength of all rates over the pixel's expected luminance.
     records: `vertices` a path, of `samples` paths from `first_sample` on, in the first pixel of each cell of
-    record_stride x record_stride pixels of a picture of this width.
+    record_stride x record_stride pixels of a picture of this width; ratios: p_s / p_a of each strategy that draws
+    directions, as many a record.
     """
 
     tree: CellTreeView
     cells: wp.array(dtype=CellView)
+    shares: wp.array(dtype=wp.float32)
     densities: wp.array(dtype=wp.float32)
     pixel_worth: wp.array(dtype=wp.float32)
     records: wp.array(dtype=VertexRecord)
+    ratios: wp.array(dtype=wp.float32)
     width: int
     record_stride: int
     vertices: int

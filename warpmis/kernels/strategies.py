@@ -1,9 +1,10 @@
-"""The table of sampling strategies at the first non-specular vertex: each a name, a sampler and a density.
+"""The table of sampling strategies at a vertex that is no mirror: each a name, a sampler and a density.
 
     bsdf      the BSDF's own sampler                 uniform   the hemisphere about the shading normal
     light     all lights                             cosine    the hemisphere, by the cosine
     area      the lights at a distance               diffuse   the BSDF's diffuse lobe
     dome      the lights at infinity                 specular  the BSDF's specular lobes, coat included
+    guide     what a cell has learned; its sampler and its density are those of path/cell_mixture.py
 
 All densities are in solid angle, and any of them can be evaluated for a direction that another strategy drew. A
 strategy may have nothing to sample at a point: no light faces it, or the BSDF has no such lobe. Then it draws from the
@@ -179,4 +180,5 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         vec_s=vec_s,
         count=count,
         index=names.index,
+        names=names,
     )

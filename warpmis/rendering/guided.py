@@ -7,7 +7,7 @@ round does depends on earlier rounds alone. So every round is unbiased given tho
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,8 @@ from warpmis.cache.gate import (
     pilot_stride,
     relative_variance,
 )
-from warpmis.cache.maps import CacheMaps, first_cells, maps_of
+from warpmis.cache.cell_shares import share_kernel
+from warpmis.cache.maps import CacheMaps, first_cells, maps_of, shares_of
 from warpmis.cache.pixel_worth import MOST_VARIANCE, expected_luminance, pixel_worth, rate_strength
 from warpmis.cache.spatial_cache import SpatialCache
 from warpmis.cache.training import prospects, training_rounds
@@ -54,14 +55,18 @@ PILOT_SEED = 0x51ED270B
 # Most vertices that a round records, at 64 bytes each, and most of one path.
 MOST_RECORDS = 1_000_000
 RECORDED_VERTICES = 8
-CACHE_ARRAYS = ("cells", "densities", "pixel_worth", "records")
+CACHE_ARRAYS = ("cells", "shares", "densities", "pixel_worth", "records", "ratios")
+# What draws directions beside light samples.
+BESIDE_LIGHT_SAMPLES = ("bsdf", "guide")
 
 PLAIN_STATE = ("strength", "traced_rays", "first_cells")
 
 
 def guided_kernels(features: Features) -> tuple[wp.Kernel, ...]:
-    """For paths by next-event estimation, and by the cache; and for what the cache records."""
-    return (make_trace(features), make_trace(features.with_cache()), make_locate())
+    """For paths by next-event estimation, and by the cache; for what the cache records, and for its shares."""
+    plain = features.with_strategies(())
+    shares = share_kernel(features.strategies or BESIDE_LIGHT_SAMPLES)
+    return make_trace(plain), make_trace(features.with_cache()), make_locate(), shares
 
 
 class GuidedIntegrator(Integrator):
@@ -75,9 +80,9 @@ class GuidedIntegrator(Integrator):
         allocation: Any,
         compiler: Compiler | None = None,
     ) -> None:
-        super().__init__(scene, features, config, allocation, compiler)
-        self.plain_kernel, self.guide_kernel, self.locate_kernel = guided_kernels(features)
-        self.cache = SpatialCache(scene.extent, config.device)
+        super().__init__(scene, features.with_strategies(()), config, allocation, compiler)
+        self.plain_kernel, self.guide_kernel, *self.learning_kernels = guided_kernels(features)
+        self.cache = SpatialCache(scene.extent, features.strategies or BESIDE_LIGHT_SAMPLES, config.device)
         if compiler is None:
             self.compiler.wait(guided_kernels(features))
         self.strength = rate_strength(1.0, MOST_VARIANCE)
@@ -92,7 +97,8 @@ class GuidedIntegrator(Integrator):
         self.kept_film: Film | None = None  # of those that the picture holds
         self.present: CacheRound | None = None  # the round that has begun last
         self.own_film: FilmView | None = None  # its samples, where it is not the picture's
-        self.records: wp.array | None = None
+        self.records: wp.array | None = None  # of the present round's vertices
+        self.ratios: wp.array | None = None  # of each record, one for each strategy
         self.traced_rays = 0  # by films that are gone
         self.cache_view: CacheView | None = None  # keeps alive what the scene's view points into
         self.first_cells: NDArray[np.int32] = np.full((1, 1), -1, np.int32)  # of the pixels that were recorded last
@@ -113,7 +119,7 @@ class GuidedIntegrator(Integrator):
                 if self.pilot.variance < QUIET:
                     trainings = []
                 else:
-                    self.compiler.begin((self.guide_kernel, self.locate_kernel))
+                    self.compiler.begin((self.guide_kernel, *self.learning_kernels))
         dropped = math.ceil(sum(one.samples / one.stride**2 for one in trainings if not one.is_kept))
         first_sample, spent, kept, tried = 0, 0.0, 0, 0
         for number, training in enumerate(trainings, start=1):
@@ -168,9 +174,9 @@ class GuidedIntegrator(Integrator):
 
     # ---- learning -------------------------------------------------------------------------------------------------
 
-    def solving_kernels(self, part: Round) -> tuple[wp.Kernel, ...]:
+    def solving_kernels(self, part: Round) -> Sequence[wp.Kernel]:
         assert isinstance(part, CacheRound)
-        return (self.locate_kernel,) if part.kind == TRAINING else ()
+        return self.learning_kernels if part.kind == TRAINING else ()
 
     def solve(self, part: Round) -> None:
         assert isinstance(part, CacheRound) and self.own_film is not None
@@ -198,12 +204,12 @@ class GuidedIntegrator(Integrator):
             self.trials.append(found)
 
     def _learn(self, part: CacheRound, film: Film, cost: float) -> None:
-        assert self.records is not None
-        cell_of = self.cache.learn(self.records, self.launcher.run_over)
+        assert self.records is not None and self.ratios is not None
+        cell_of = self.cache.learn(self.records, self.ratios, self.launcher.run_over)
         assert self.cache_view is not None
         width, height = self._size(self.cache_view.record_stride)
         self.first_cells = first_cells(cell_of, (height, width, part.samples), self.cache_view.vertices)
-        self.records = None
+        self.records = self.ratios = None
         variance = MOST_VARIANCE
         if part.samples >= PILOT_SAMPLES:
             relative = film.variance() / np.maximum(squared_scale(film.image()), 1e-30)
@@ -231,7 +237,9 @@ class GuidedIntegrator(Integrator):
                 stride += part.stride  # a cell's first pixel is traced
             count = self._paths(stride, part.samples) * vertices
             self.records = wp.zeros(count, dtype=VertexRecord, device=self.config.device)
-            view.records, view.width, view.record_stride = self.records, self.width, stride
+            self.ratios = wp.zeros(count * len(self.strategies), dtype=wp.float32, device=self.config.device)
+            view.records, view.ratios = self.records, self.ratios
+            view.width, view.record_stride = self.width, stride
             view.vertices, view.first_sample, view.samples = vertices, part.first_sample, part.samples
         self.cache_view = view
         self.scene.view.cache = wp.array([view], dtype=CacheView, device=self.config.device)
@@ -256,6 +264,7 @@ class GuidedIntegrator(Integrator):
             "films": [film and dict(vars(film)) for film in (self.learned_film, self.kept_film)],
             "own_film": self.own_film and snapshot(self.own_film),
             "records": None if self.records is None else self.records.numpy().view(np.uint8),
+            "ratios": None if self.ratios is None else self.ratios.numpy(),
             "cache": self.cache.state(),
         }
 
@@ -279,6 +288,8 @@ class GuidedIntegrator(Integrator):
             restore(self.own_film, state["own_film"])
         if self.records is not None and state["records"] is not None:
             self.records.assign(state["records"].view(self.records.numpy().dtype).reshape(self.records.shape))
+        if self.ratios is not None and state["ratios"] is not None:
+            self.ratios.assign(state["ratios"])
 
     def common_of(self, part: Round) -> dict[str, Any]:
         film = self.learned_film and dict(vars(self.learned_film))
@@ -293,26 +304,36 @@ class GuidedIntegrator(Integrator):
         self.prospects = [Prospect(**one) for one in common["prospects"]]
         self.learned_film = common["film"] and Film(**common["film"])
         self.cache.resume(common["cache"])
-        self.records = None
+        self.records = self.ratios = None
         self.begin_round(part)
 
     def records_taken(self) -> tuple[NDArray[Any], ...]:
-        if self.records is None:
+        if self.records is None or self.ratios is None:
             return ()
         table = self.records.numpy()
         places = np.flatnonzero(table["used"] != 0)
         taken = table[places].view(np.uint8)
+        ratios = self._rows_of_ratios()[places]
         self.records.zero_()
-        return places, taken
+        self.ratios.zero_()
+        return places, taken, ratios
 
     def put_records(self, records: tuple[NDArray[Any], ...]) -> None:
-        if self.records is None or not records:
+        if self.records is None or self.ratios is None or not records:
             return
-        places, taken = records
-        table = self.records.numpy()
+        places, taken, ratios = records
+        table, rows = self.records.numpy(), self._rows_of_ratios()
         table[places] = taken.view(table.dtype).reshape(places.shape)
+        rows[places] = ratios
         if self.launcher.is_cuda:
             self.records.assign(table)
+            self.ratios.assign(rows.ravel())
+
+    def _rows_of_ratios(self) -> NDArray[np.float32]:
+        """A row a record; on a CPU the device's own memory."""
+        assert self.ratios is not None
+        rows: NDArray[np.float32] = self.ratios.numpy().reshape(-1, len(self.strategies))
+        return rows
 
     # ---- results ------------------------------------------------------------------------------------------------
 
@@ -326,15 +347,12 @@ class GuidedIntegrator(Integrator):
 
     @property
     def strategies(self) -> tuple[str, ...]:
-        return ("bsdf", "guide")
+        return self.cache.sharing.strategies
 
     def allocation_map(self) -> NDArray[np.float32]:
-        """Shares of BSDF and guide at the first vertex, shape (H, W, 2); halves where nothing is guided."""
-        share = np.full((self.height, self.width), 0.5, np.float32)
-        maps = self.cache_maps()
-        if maps is not None:
-            share = np.where(maps.cells >= 0, maps.bsdf_share, share)
-        return np.stack([share, 1.0 - share], axis=-1)
+        """Shares of what draws directions at the first vertex, shape (H, W, S); equal ones where nothing is guided."""
+        cells = self.first_cells if self.is_guided else np.full((1, 1), -1, np.int32)
+        return shares_of(self.cache, cells, (self.height, self.width))
 
     def cache_maps(self) -> CacheMaps | None:
         if not self.is_guided:

@@ -23,7 +23,7 @@ from warpmis.scene.features import Features, detect
 
 def features_of(scene: Scene, config: RenderConfig, features: Features | None = None) -> Features:
     """The effects to compile: `features` if given, else what scene and depth call for; and what the method needs."""
-    strategies = config.strategies if config.method != "nee" and not config.how.cache else ()
+    strategies = config.strategies if config.method != "nee" and config.how.has_strategies else ()
     features = features or detect(scene).with_depth(config.max_depth)
     features = features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
     features = features.with_allocation("counts" if config.how.counts else "shares")

@@ -1,10 +1,16 @@
 """Which estimator the paths of a kernel take, and the state that they carry for it."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
+import warp as wp
+
+from warpmis.device.views import SceneView
+from warpmis.kernels import rng
+from warpmis.kernels.path.cell_mixture import make_cell_estimate, make_cell_mixture
 from warpmis.kernels.path.contributions import make_contributions, scattering_type
 from warpmis.kernels.path.counts import CountsEstimate, make_counts
-from warpmis.kernels.path.guided import make_guided, make_guided_estimate
+from warpmis.kernels.path.guided import GUIDED_STRATEGIES, make_guided, make_guided_estimate
 from warpmis.kernels.path.mixture import make_densities, make_estimate, make_mixture
 from warpmis.kernels.path.next_event import NoEstimate, make_next_event
 from warpmis.kernels.path.parts import make_parts, parts_type
@@ -12,8 +18,37 @@ from warpmis.kernels.path.record import NoRecord, Record, make_record, no_record
 from warpmis.kernels.path.state import make_state
 from warpmis.kernels.path.throughput import make_roulette
 from warpmis.kernels.path.vertex_records import make_vertex_records
+from warpmis.kernels.shading_frame import Frame
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene.features import Features
+
+wp.set_module_options({"enable_backward": False})
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What estimators are made of: the functions of one set of effects."""
+
+    features: Features
+    surface: SimpleNamespace
+    lights: SimpleNamespace
+    direct_light: SimpleNamespace
+    sampler: SimpleNamespace
+
+    def strategies(self, names: tuple[str, ...]) -> SimpleNamespace:
+        return make_strategies(self.features.with_strategies(names), self.surface, self.lights)
+
+    def state(self, Estimate: type, Record: type) -> tuple[type, SimpleNamespace]:
+        """The type PathState, and `contributions` to it."""
+        PathState = make_state(Estimate, Record, scattering_type(self.features))
+        return PathState, make_contributions(self.features, PathState)
+
+    def survives(self, PathState: type, record: SimpleNamespace) -> wp.Function:
+        """Russian roulette by throughput."""
+        return make_roulette(self.features, PathState, record, self.sampler).survives
+
+    def next_event(self, PathState: type, vec_s: type, contributions: SimpleNamespace) -> SimpleNamespace:
+        return make_next_event(PathState, vec_s, self.surface, self.direct_light, contributions)
 
 
 def make_estimator(
@@ -23,47 +58,92 @@ def make_estimator(
     direct_light: SimpleNamespace,
     sampler: SimpleNamespace,
 ) -> SimpleNamespace:
-    """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, `strategies`.
+    """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, and the
+    `strategies` among which a pixel shares its samples.
 
-    By the spatial cache where there is one, or by counts of samples where pixels have those. Else next-event estimation
-    without strategies, and with them their mixture.
+    By the spatial cache where there is one, with strategies by the mixture of them at every vertex; or by counts of
+    samples where pixels have those. Else next-event estimation without strategies, and with them their mixture.
     """
-    strategies = make_strategies(features, surface, lights)
-    Scattering = scattering_type(features)
+    parts = Parts(features, surface, lights, direct_light, sampler)
     if features.cache:
-        PathState = make_state(make_guided_estimate(), NoRecord, Scattering)
-        contributions = make_contributions(features, PathState)
-        record = make_vertex_records(PathState)
-        estimator = make_guided(PathState, strategies.vec_s, surface, direct_light, record, contributions)
-        estimator.record = record
+        estimator = _cell_mixture(parts) if features.strategies else _guided(parts)
     elif features.allocation == "counts":
-        learns = "parts" in features.statistics
-        PathState = make_state(CountsEstimate, parts_type(learns), Scattering)
-        contributions = make_contributions(features, PathState)
-        record = make_parts(PathState, learns)
-        survives = make_roulette(features, PathState, record, sampler).survives
-        next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
-        estimator = make_counts(
-            PathState, strategies, surface, lights, direct_light, next_event, contributions, record, survives
-        )
-        estimator.record = record
-    elif not features.strategies:
-        PathState = make_state(NoEstimate, NoRecord, Scattering)
-        contributions = make_contributions(features, PathState)
-        estimator = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
-        estimator.record = no_record(PathState)
+        estimator = _counts(parts)
     else:
-        PathState = make_state(make_estimate(strategies.vec_s), Record, Scattering)
-        contributions = make_contributions(features, PathState)
-        record = make_record(PathState)
-        densities = make_densities(features, PathState, strategies, lights)
-        next_event = make_next_event(PathState, strategies.vec_s, surface, direct_light, contributions)
-        # Of paths that end behind the mixture's vertex none comes to a vertex without one.
-        estimator = make_mixture(PathState, strategies, densities, next_event, record, features.indirect)
-        estimator.record = record
+        estimator = _mixture(parts) if features.strategies else _next_event(parts)
+    if not hasattr(estimator, "arrive"):
+        estimator.arrive = _make_arrive(estimator.PathState)
     if not hasattr(estimator, "survives"):
-        estimator.survives = make_roulette(features, PathState, estimator.record, sampler).survives
+        estimator.survives = parts.survives(estimator.PathState, estimator.record)
+    return estimator
+
+
+def _make_arrive(PathState: type) -> wp.Function:
+    @wp.func
+    def arrive(scene: SceneView, path: wp.ref[PathState], frame: Frame, key: rng.RngKey, step: int):
+        """Nothing is chosen before the vertex is known."""
+
+    return arrive
+
+
+def _cell_mixture(parts: Parts) -> SimpleNamespace:
+    strategies = parts.strategies(parts.features.strategies)
+    PathState, contributions = parts.state(make_cell_estimate(strategies.vec_s), NoRecord)
+    record = make_vertex_records(PathState, strategies.count)
+    densities = make_densities(parts.features, PathState, strategies, parts.lights)
+    estimator = make_cell_mixture(PathState, strategies, densities, record)
+    # The shares are the cells', not the pixels'.
+    return _whole(estimator, PathState, contributions, record, parts.strategies(()))
+
+
+def _guided(parts: Parts) -> SimpleNamespace:
+    strategies = parts.strategies(())
+    PathState, contributions = parts.state(make_guided_estimate(), NoRecord)
+    record = make_vertex_records(PathState, GUIDED_STRATEGIES)
+    estimator = make_guided(PathState, strategies.vec_s, parts.surface, parts.direct_light, record, contributions)
+    return _whole(estimator, PathState, contributions, record, strategies)
+
+
+def _counts(parts: Parts) -> SimpleNamespace:
+    strategies = parts.strategies(parts.features.strategies)
+    learns = "parts" in parts.features.statistics
+    PathState, contributions = parts.state(CountsEstimate, parts_type(learns))
+    record = make_parts(PathState, learns)
+    next_event = parts.next_event(PathState, strategies.vec_s, contributions)
+    survives = parts.survives(PathState, record)
+    own = parts.surface, parts.lights, parts.direct_light
+    estimator = make_counts(PathState, strategies, *own, next_event, contributions, record, survives)
+    return _whole(estimator, PathState, contributions, record, strategies)
+
+
+def _next_event(parts: Parts) -> SimpleNamespace:
+    strategies = parts.strategies(())
+    PathState, contributions = parts.state(NoEstimate, NoRecord)
+    estimator = parts.next_event(PathState, strategies.vec_s, contributions)
+    return _whole(estimator, PathState, contributions, no_record(PathState), strategies)
+
+
+def _mixture(parts: Parts) -> SimpleNamespace:
+    strategies = parts.strategies(parts.features.strategies)
+    PathState, contributions = parts.state(make_estimate(strategies.vec_s), Record)
+    record = make_record(PathState)
+    densities = make_densities(parts.features, PathState, strategies, parts.lights)
+    next_event = parts.next_event(PathState, strategies.vec_s, contributions)
+    # Of paths that end behind the mixture's vertex none comes to a vertex without one.
+    estimator = make_mixture(PathState, strategies, densities, next_event, record, parts.features.indirect)
+    return _whole(estimator, PathState, contributions, record, strategies)
+
+
+def _whole(
+    estimator: SimpleNamespace,
+    PathState: type,
+    contributions: SimpleNamespace,
+    record: SimpleNamespace,
+    strategies: SimpleNamespace,
+) -> SimpleNamespace:
+    """The estimator with all that its paths go with."""
     estimator.PathState = PathState
     estimator.contributions = contributions
+    estimator.record = record
     estimator.strategies = strategies
     return estimator

@@ -29,6 +29,8 @@ wp.set_module_options({"enable_backward": False})
 
 # No rate falls below: what has not been met yet can still be found, and no weight exceeds ten times its own.
 MIN_RATE = wp.constant(0.1)
+# What draws directions: BSDF and guide.
+GUIDED_STRATEGIES = 2
 
 
 def make_guided_estimate() -> type:
@@ -129,7 +131,7 @@ def make_guided(
         if vertex.u_cache[1] < path.estimate.light_rate:
             sampled = add_light_sample(scene, path, vertex, cell)
         draw_direction(scene, path, vertex, cell)
-        record.vertex(scene, path, vertex, sampled)
+        record.vertex(scene, path, vertex.frame.n, sampled * sampled * path.estimate.light_rate)
 
     @wp.func
     def keep_densities(path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
@@ -147,7 +149,9 @@ def make_guided(
         step: int,
     ) -> bool:
         """Whether the path goes on; its throughput and its density become those of a path that had to survive."""
-        record.direction(scene, path, vertex, scattering)
+        densities = wp.vec2(scattering.pdf_solid_angle, path.estimate.pdf_guide)
+        cos_theta = wp.dot(path.wi, vertex.frame.n)
+        record.direction(scene, path, cos_theta, luminance(scattering.f_cos), densities, path.pdf)
         survival = path.estimate.survival
         path.beta = path.beta / survival
         path.pdf = path.pdf * survival / path.estimate.light_rate

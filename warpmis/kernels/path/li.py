@@ -151,6 +151,7 @@ def make_path(
                     continue
 
             # All else scatters: add the light of light samples, and draw a direction.
+            estimator.arrive(scene, path, frame, key, step)
             vertex = vertices.prepare(scene, path, hit, material, frame, wo, key, step)
             if wp.static(features.delta_light):
                 vertices.add_delta_light(scene, path, vertex)

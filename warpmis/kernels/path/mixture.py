@@ -15,6 +15,7 @@ from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.light.on_ray import LightsOnRay
+from warpmis.kernels.light.records import LightSample
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import to_local
 from warpmis.scene.features import Features
@@ -46,7 +47,17 @@ def make_estimate(vec_s: type) -> type:
 def make_densities(
     features: Features, PathState: type, strategies: SimpleNamespace, lights: SimpleNamespace
 ) -> SimpleNamespace:
-    """Functions keep, complete, asks_whole_line: densities of the first vertex' direction, whatever drew it."""
+    """Functions begin, keep, complete, asks_whole_line: densities of a vertex' direction, whatever drew it."""
+
+    @wp.func
+    def begin(path: wp.ref[PathState], drawn: LightSample):
+        """A direction that some strategy drew, and the light that it was drawn towards, if any."""
+        path.estimate.is_pending = True
+        path.wi = drawn.wi
+        path.receiver.drawn = drawn.light
+        path.receiver.drawn_distance = drawn.distance
+        path.receiver.drawn_pdf = drawn.pdf_of_light
+        path.weighs_emission = False
 
     @wp.func
     def keep(path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
@@ -67,7 +78,7 @@ def make_densities(
     def asks_whole_line(path: wp.ref[PathState]) -> bool:
         return path.estimate.is_pending
 
-    return SimpleNamespace(keep=keep, complete=complete, asks_whole_line=asks_whole_line)
+    return SimpleNamespace(begin=begin, keep=keep, complete=complete, asks_whole_line=asks_whole_line)
 
 
 def make_mixture(
@@ -92,14 +103,8 @@ def make_mixture(
     def sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         """Draw the path's next direction from the chosen strategy."""
         record.begin(path)
-        path.estimate.is_pending = True
         path.estimate.q = strategies.one_strategy_ratios(path.estimate.allocation, path.estimate.strategy)
-        drawn = strategies.sample(scene, path.receiver, vertex, path.estimate.strategy)
-        path.wi = drawn.wi
-        path.receiver.drawn = drawn.light
-        path.receiver.drawn_distance = drawn.distance
-        path.receiver.drawn_pdf = drawn.pdf_of_light
-        path.weighs_emission = False
+        densities.begin(path, strategies.sample(scene, path.receiver, vertex, path.estimate.strategy))
 
     @wp.func
     def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):

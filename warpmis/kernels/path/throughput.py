@@ -30,7 +30,8 @@ def make_roulette(
     ) -> bool:
         """Whether the path goes on, its throughput divided by the probability of that (kernels/roulette.py)."""
         if wp.static(features.indirect):
-            if path.bounces >= roulette.DEPTH:
+            # The throughput of a direction of the mixture is not known yet.
+            if path.bounces >= roulette.DEPTH and path.weighs_emission:
                 survival = roulette.survival(wp.max(path.beta))
                 record.roulette(path, survival)
                 path.beta = path.beta / survival
@@ -61,7 +62,6 @@ def make_throughput(features: Features, surface: SimpleNamespace, estimator: Sim
         # A direction of the mixture is divided by its density when the ray has met its lights: Estimator.weigh_ray.
         if path.weighs_emission:
             path.beta = path.beta / path.pdf
-            return estimator.survives(scene, path, vertex, scattering, key, step)
-        return True
+        return estimator.survives(scene, path, vertex, scattering, key, step)
 
     return SimpleNamespace(update=update)

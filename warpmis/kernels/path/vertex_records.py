@@ -11,9 +11,7 @@ import warp as wp
 from warpmis.device.cache_views import VertexRecord
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
-from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.moments import SHADOW_RAY_COST
-from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance
 from warpmis.kernels.warps import INV_PI
 
@@ -22,8 +20,10 @@ wp.set_module_options({"enable_backward": False})
 NO_RECORD = wp.constant(-1)
 
 
-def make_vertex_records(PathState: type) -> SimpleNamespace:
-    """Functions: begin_path; vertex, direction: at a vertex, before and after its densities are known; end."""
+def make_vertex_records(PathState: type, count: int) -> SimpleNamespace:
+    """Functions: begin_path; vertex, direction: at a vertex, before and after its densities are known; end; and the
+    type vec_s, of a number for each of the `count` strategies whose mixture draws directions."""
+    vec_s = wp.types.vector(length=count, dtype=wp.float32)
 
     @wp.func
     def begin_path(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey):
@@ -42,8 +42,8 @@ def make_vertex_records(PathState: type) -> SimpleNamespace:
         return float(path.rays) + SHADOW_RAY_COST * float(path.shadow_rays)
 
     @wp.func
-    def vertex(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], light_sample: float):
-        """The vertex with its direction; light_sample: luminance of what its light sample brought, over the rate."""
+    def vertex(scene: SceneView, path: wp.ref[PathState], n: wp.vec3, light: float):
+        """The vertex with its direction; light: squared luminance of what its light sample brought."""
         path.estimate.is_recorded = (
             path.estimate.first_record != NO_RECORD and path.estimate.recorded < scene.cache[0].vertices
         )
@@ -51,26 +51,32 @@ def make_vertex_records(PathState: type) -> SimpleNamespace:
             record = VertexRecord()
             record.used = 1
             record.x = path.origin
-            record.n = vertex.frame.n
+            record.n = n
             record.u = path.estimate.place[0]
             record.v = path.estimate.place[1]
-            record.light = light_sample * light_sample * path.estimate.light_rate
+            record.light = light
+            record.cost = cost_so_far(path)
             scene.cache[0].records[path.estimate.first_record + path.estimate.recorded] = record
             path.estimate.recorded += 1
 
     @wp.func
-    def direction(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
-        """That the direction scatters light, and with which density; before the roulette."""
+    def direction(
+        scene: SceneView, path: wp.ref[PathState], cos_theta: float, response: float, densities: vec_s, pdf: float
+    ):
+        """That the direction scatters light; before the roulette.
+
+        response: luminance of f cos; densities: of each strategy, pdf: of their mixture [1/sr].
+        """
         if path.estimate.is_recorded:
             at = path.estimate.first_record + path.estimate.recorded - 1
             record = scene.cache[0].records[at]
-            record.jacobian = wp.dot(path.wi, vertex.frame.n) * INV_PI / path.pdf
-            record.bsdf_ratio = scattering.pdf_solid_angle / path.pdf
-            record.tail = luminance(scattering.f_cos) / path.pdf
+            record.jacobian = cos_theta * INV_PI / pdf
+            record.tail = response / pdf
             record.throughput = luminance(path.beta)
             record.radiance = luminance(path.L)
-            record.cost = cost_so_far(path)
             scene.cache[0].records[at] = record
+            for s in range(wp.static(count)):
+                scene.cache[0].ratios[at * wp.static(count) + s] = densities[s] / pdf
 
     @wp.func
     def end(scene: SceneView, path: wp.ref[PathState]):
@@ -83,11 +89,13 @@ def make_vertex_records(PathState: type) -> SimpleNamespace:
                 tail = record.tail * radiance
                 record.radiance = radiance
                 record.tail = tail * tail
-                record.cost = cost_so_far(path) - record.cost
-                scene.cache[0].records[at] = record
+            record.cost = cost_so_far(path) - record.cost
+            scene.cache[0].records[at] = record
 
     @wp.func
     def emission(path: wp.ref[PathState], radiance: wp.vec3):
         pass
 
-    return SimpleNamespace(begin_path=begin_path, vertex=vertex, direction=direction, end=end, emission=emission)
+    return SimpleNamespace(
+        begin_path=begin_path, vertex=vertex, direction=direction, end=end, emission=emission, vec_s=vec_s
+    )
