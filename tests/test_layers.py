@@ -32,7 +32,7 @@ ALLOWED: dict[str, set[str]] = {
         *("scene.features", "device.kernel_factory", "device.aov_views", "device.cache_views"),
         *("device.instance_views", "device.texel_views", "device.views"),
     },
-    "cache": {"device.cache_views", "device.struct_arrays", "film.metrics", "kernels"},
+    "cache": {"device.cache_views", "device.struct_arrays", "film.metrics", "kernels", "learn.newton_simplex"},
     "learn": {"config", "methods", "device.views", "device.kernel_factory", "scene.features", "kernels", "errors"},
     "output": {"film", "errors"},
     "inspection": {"scene", "device.environment"},

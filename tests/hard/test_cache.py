@@ -16,8 +16,10 @@ from stats import detectable_bias, sidak, welch_test
 
 import warpmis
 from warpmis.cache import training
-from warpmis.cache.cell_moments import MAX_SHARE, MIN_SHARE, CellMoments, updated_shares, worths
+from warpmis.cache.cell_moments import CellMoments, worths
+from warpmis.cache.cell_shares import LEAST_PART, CellShares
 from warpmis.film.metrics import LUMINANCE
+from warpmis.rendering.launches import Launcher
 
 SEEDS = 16
 POWER = {"thin wall": 0.1}  # next-event estimation is noisy there
@@ -72,17 +74,24 @@ def quarters(image: np.ndarray) -> np.ndarray:
     return luminance.reshape(2, half, 2, half).mean(axis=(1, 3)).ravel()
 
 
+GUIDED: dict[str, dict[str, Any]] = {
+    "guided": {"method": "guided"},
+    "cells": {"method": "cells", "strategies": ("bsdf", "light", "guide")},
+}
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_guided_pictures_have_the_right_mean(name: str) -> None:
     scene = warpmis.load_stage(CASES[name]())
     found: dict[str, np.ndarray] = {}
-    for method in ("nee", "guided"):
-        results = [warpmis.render(scene, method=method, seed=seed, **SETTINGS) for seed in range(SEEDS)]
+    for label, how in {"nee": {"method": "nee"}, **GUIDED}.items():
+        results = [warpmis.render(scene, seed=seed, **how, **SETTINGS) for seed in range(SEEDS)]
         assert all(np.isfinite(result.image).all() and result.image.min() >= 0.0 for result in results)
         assert all(result.stats["rejected_samples"] == 0 for result in results)
-        found[method] = np.array([quarters(result.image) for result in results])
-    level = sidak(0.01, 4 * len(CASES))
-    for ours, theirs in zip(found["guided"].T, found["nee"].T, strict=True):
+        found[label] = np.array([quarters(result.image) for result in results])
+    level = sidak(0.01, 4 * len(CASES) * len(GUIDED))
+    pairs = ((ours, theirs) for label in GUIDED for ours, theirs in zip(found[label].T, found["nee"].T, strict=True))
+    for ours, theirs in pairs:
         if np.ptp(theirs) == 0.0:
             np.testing.assert_allclose(ours, theirs, rtol=1e-5)
             continue
@@ -94,8 +103,12 @@ def test_guided_pictures_have_the_right_mean(name: str) -> None:
 def test_one_sample_that_carries_all() -> None:
     """Shares keep their bounds, and worths stay finite, whatever a single record says."""
     ones = np.ones(3)
-    huge = np.array([1.0, 1e30, 1e300])
-    moments = CellMoments(count=100.0 * ones, by_bsdf=huge, by_guide=ones, tail=huge, light=huge, cost=ones)
-    shares = updated_shares(0.5 * ones, moments, moments)
-    assert (shares >= MIN_SHARE).all() and (shares <= MAX_SHARE).all()
+    huge = np.array([1.0, 1e30, 1e38])
+    sharing = CellShares(("bsdf", "light", "guide"), "cpu")
+    sharing.inherit(np.zeros(3, np.int64), ones)
+    ratios = np.array([[2.0, 0.5, 0.5], [0.0, 3.0, 0.0], [1e-30, 0.0, 3.0]])
+    sharing.learn(np.arange(3), huge, ratios, Launcher("cpu", 1).run_over)
+    assert (sharing.shares >= LEAST_PART / 3 - 1e-6).all()
+    np.testing.assert_allclose(sharing.shares.sum(axis=1), 1.0, atol=1e-6)
+    moments = CellMoments(count=100.0 * ones, tail=huge, light=huge, cost=ones)
     assert all(np.isfinite(worth).all() for worth in worths(moments))

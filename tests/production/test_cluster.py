@@ -61,6 +61,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
     "counts": {"method": "counts"},
     "guided": {"method": "guided"},
+    "cells": {"method": "cells", "strategies": ("bsdf", "light", "guide")},
     "guided with AOVs": {"method": "guided", "aov": ("diffuse", "emission"), "cryptomatte": True},
     "auto to a target": {"method": "auto", "target_error": 0.1, "spp": 128},
 }

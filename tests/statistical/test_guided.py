@@ -5,6 +5,8 @@ Paired t-tests over seeds against next-event estimation, Sidak-corrected; the po
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from statistical.estimates import REGIONS, block_means, caught_bias, estimates, load, paired_p_values
@@ -12,6 +14,8 @@ from stats import sidak
 
 import warpmis
 from warpmis.cache import gate, training
+from warpmis.cache.cell_shares import CellShares
+from warpmis.config import CELL_STRATEGIES
 from warpmis.rendering import guided
 
 SIGNIFICANCE = 0.01
@@ -30,8 +34,12 @@ def small_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept == [(1, 2, False), (1, 2, True), (1, 2, True), (1, 4, True)]
 
 
-def test_learning_from_few_samples_is_unbiased(small_rounds: None) -> None:
-    found = estimates("room", SEEDS, spp=32, method="guided")
+MIXTURE: dict[str, Any] = {"method": "cells", "strategies": CELL_STRATEGIES}
+
+
+@pytest.mark.parametrize("how", [{"method": "guided"}, MIXTURE], ids=["guided", "all strategies"])
+def test_learning_from_few_samples_is_unbiased(small_rounds: None, how: dict[str, Any]) -> None:
+    found = estimates("room", SEEDS, spp=32, **how)
     reference = estimates("room", SEEDS, spp=64, method="nee")
     level = sidak(SIGNIFICANCE, REGIONS)
     assert paired_p_values(found, reference).min() > level
@@ -62,6 +70,29 @@ def test_a_gate_that_flips_is_unbiased(small_rounds: None, monkeypatch: pytest.M
     level = sidak(SIGNIFICANCE, REGIONS)
     assert paired_p_values(found, reference).min() > level
     assert caught_bias(found, reference, level) < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strategies", [("bsdf", "light"), ("guide",), ("light", "guide"), CELL_STRATEGIES])
+@pytest.mark.parametrize("name", ["cornell_box", "veach_plates", "hidden_light"])
+def test_mixtures_by_cells_have_the_mean(name: str, strategies: tuple[str, ...]) -> None:
+    found = estimates(name, 24, spp=512, method="cells", strategies=strategies)
+    reference = estimates(name, 24, spp=512, method="nee")
+    level = sidak(SIGNIFICANCE, 12 * REGIONS)
+    assert paired_p_values(found, reference).min() > level
+    assert caught_bias(found, reference, level) < 0.05
+
+
+def test_learned_shares_lower_the_variance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against equal shares of the same strategies, with the same guides and rates; two of the strategies lose here."""
+    how: dict[str, Any] = {"method": "cells", "strategies": ("bsdf", "uniform", "area", "light"), "spp": 512}
+    learned = estimates("room", 24, **how)
+    with monkeypatch.context() as frozen:
+        frozen.setattr(CellShares, "_solve", lambda self, launch: None)
+        equal = estimates("room", 24, **how)
+    ratio = learned.var(axis=0, ddof=1).sum() / equal.var(axis=0, ddof=1).sum()
+    print(ratio)
+    assert ratio < 0.8
 
 
 @pytest.mark.slow

@@ -31,6 +31,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "auto": {"method": "auto"},
     "counts": {"method": "counts"},
     "guided": {"method": "guided"},
+    "cells": {"method": "cells"},
 }
 # Bias of the picture's mean that is caught with a probability of 99 %: between any two methods of which none is BSDF
 # sampling alone, and between that and the others. BSDF sampling finds a small lamp by chance alone, hence the second.

@@ -136,7 +136,11 @@ class SpatialCache:
 
     def view(self, pixel_worth: NDArray[np.float32]) -> CacheView:
         """What kernels read; pixel_worth: what radiance is worth in each pixel [1 / radiance], shape (pixels,)."""
-        columns = {"bsdf_share": self.sharing.share_of("bsdf"), "tail_worth": self.tail_worth, "shadow_ray_worth": self.light_worth}
+        columns = {
+            "bsdf_share": self.sharing.share_of("bsdf"),
+            "tail_worth": self.tail_worth,
+            "shadow_ray_worth": self.light_worth,
+        }
         view = CacheView()
         view.tree = self.tree_view()
         with wp.ScopedDevice(self.device):

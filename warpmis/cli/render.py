@@ -130,7 +130,8 @@ def add_kernel_options(group: Any) -> None:
         "--strategies",
         type=name_list,
         metavar="A,B",
-        help=f"strategies to mix, from {', '.join(STRATEGIES)} (default: {','.join(default.strategies)})",
+        help=f"strategies to mix, from {', '.join(STRATEGIES)}; by method cells also guide "
+        f"(default: {','.join(default.strategies)})",
     )
     group.add_argument(
         "--strategy-choice",
@@ -288,7 +289,7 @@ def _json(arguments: argparse.Namespace, reports: list[dict[str, Any]], shot: Sh
 
 def _check_has_map(config: RenderConfig) -> None:
     """Refuse now, not after the render, what cannot be shown."""
-    if not config.how.cache:
+    if config.how.has_strategies:
         primaries(config.strategies)
 
 

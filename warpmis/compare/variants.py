@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from warpmis.config import STRATEGIES, LearnConfig, RenderConfig
+from warpmis.config import CELL_STRATEGIES, LearnConfig, RenderConfig
 from warpmis.errors import ConfigError
 from warpmis.methods import METHODS
 
@@ -119,4 +119,4 @@ def swept(knob: str, values: Sequence[int]) -> list[Variant]:
 
 def _exists(label: str) -> bool:
     method, _, strategies = label.partition(" ")
-    return method in METHODS and all(name in STRATEGIES for name in strategies.split(",") if name)
+    return method in METHODS and all(name in CELL_STRATEGIES for name in strategies.split(",") if name)

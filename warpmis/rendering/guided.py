@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpmis.cache.cell_shares import share_kernel
 from warpmis.cache.gate import (
     FEWEST_SAMPLES,
     PILOT_SAMPLES,
@@ -25,7 +26,6 @@ from warpmis.cache.gate import (
     pilot_stride,
     relative_variance,
 )
-from warpmis.cache.cell_shares import share_kernel
 from warpmis.cache.maps import CacheMaps, first_cells, maps_of, shares_of
 from warpmis.cache.pixel_worth import MOST_VARIANCE, expected_luminance, pixel_worth, rate_strength
 from warpmis.cache.spatial_cache import SpatialCache

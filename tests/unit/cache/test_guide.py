@@ -109,7 +109,7 @@ def test_device_finds_the_cell_that_the_host_finds() -> None:
     places = places.astype(np.float32).astype(np.float64)
     tree = CellTree(extent=2.0)
     tree.refine(places, tree.find(places), stands_for=10.0)
-    cache = SpatialCache(2.0, "cpu")
+    cache = SpatialCache(2.0, ("bsdf", "guide"), "cpu")
     cache.tree = tree
     records = np.zeros(len(places), VertexRecord.numpy_dtype())
     records["x"], records["n"] = places[:, :3], places[:, 3:]

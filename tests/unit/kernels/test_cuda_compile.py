@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from warpmis.config import DEFAULT_STRATEGIES, STRATEGIES
+from warpmis.config import CELL_STRATEGIES, DEFAULT_STRATEGIES, STRATEGIES
 from warpmis.kernels.identify import make_identify
 from warpmis.kernels.moments import Layout
 from warpmis.kernels.trace import make_trace
@@ -43,6 +43,7 @@ KERNELS = {
     "trace, few effects, pilot of counts": lambda: make_trace(COUNTS.with_strategies(DEFAULT_STRATEGIES, ("parts",))),
     "trace, most effects, next-event estimation": lambda: make_trace(MOST),
     "trace, every effect, guided": lambda: make_trace(EVERY.with_cache()),
+    "trace, few effects, mixture by cells": lambda: make_trace(FEW.with_strategies(CELL_STRATEGIES).with_cache()),
     "identify, every effect": lambda: make_identify(EVERY),
     "newton_share": lambda: make_newton_share(Layout(2)),
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),

@@ -78,6 +78,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
     "counts": {"method": "counts"},
     "guided": {"method": "guided"},
+    "cells": {"method": "cells", "strategies": ("bsdf", "light", "guide")},
     "guided to a target": {"method": "guided", "target_error": 0.05, "spp": 512},
     "guided with AOVs": {"method": "guided", "aov": ("diffuse", "emission"), "cryptomatte": True},
     "auto to a target": {"method": "auto", "target_error": 0.05, "spp": 512},

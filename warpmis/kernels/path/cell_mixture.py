@@ -140,9 +140,7 @@ def make_cell_mixture(
             if p_a <= 0.0:
                 return False
             path.beta = path.beta / p_a
-            record.direction(
-                scene, path, path.estimate.cos_theta, path.estimate.response, path.estimate.densities, p_a
-            )
+            record.direction(scene, path, path.estimate.cos_theta, path.estimate.response, path.estimate.densities, p_a)
             path.beta = path.beta / path.estimate.survival
         return True
 
