@@ -12,7 +12,7 @@ import numpy as np
 
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
-from warpmis.scene.material import is_smooth
+from warpmis.scene.material import is_rough, is_smooth
 from warpmis.scene.texture import PrimvarLookup, TextureLookup, bounds_of
 
 # Up to so many lights are weighed one by one; measured by scripts/bench/many_lights.py.
@@ -197,7 +197,7 @@ def detect(scene: Scene) -> Features:
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),
         opacity=any(m.mean.opacity < 1.0 or m.is_clear_pane for m in used),
         transmission=bool(glass),
-        rough_transmission=any(not is_smooth(m.roughness) for m in glass),
+        rough_transmission=any(is_rough(m.roughness) for m in glass),
         absorption=any(m.transmission_depth > 0.0 and not m.thin_walled for m in glass),
         instances=bool(scene.prototypes),
         emissive_instances=has_emissive_instances(scene),

@@ -14,11 +14,18 @@ Color = tuple[float, float, float]
 
 # Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
 SMOOTH_ALPHA = 1e-3
+# From here on an interface takes light samples (kernels/bsdf/dielectric.py).
+ROUGH_ALPHA = 0.02
 
 
 def is_smooth(roughness: float | Lookup) -> bool:
     """Whether a lobe of this roughness (alpha = roughness^2) is treated as a mirror, anywhere if it is looked up."""
     return bounds_of(roughness)[0] ** 2 < SMOOTH_ALPHA
+
+
+def is_rough(roughness: float | Lookup) -> bool:
+    """Whether an interface of this roughness takes light samples, anywhere if it is looked up."""
+    return bounds_of(roughness)[1] ** 2 >= ROUGH_ALPHA
 
 
 @dataclass(frozen=True)

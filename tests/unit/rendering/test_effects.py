@@ -22,6 +22,7 @@ from warpmis.kernels.trace import make_trace
 from warpmis.rendering.specialise import features_of
 from warpmis.scene import DomeLight, Material
 from warpmis.scene.features import Features, detect
+from warpmis.scene.texture import Texture, TextureLookup
 
 pytestmark = pytest.mark.own_kernels
 
@@ -157,6 +158,19 @@ def test_universal_kernel_traces_the_same_paths_of_hard_cases(name: str) -> None
     case = HARD_CASES[name]
     settings = {key: value for key, value in case.settings.items() if not key.startswith("learn")}  # for `balance`
     assert_same_paths(scene_of(case), **settings)
+
+
+@pytest.mark.parametrize(("roughnesses", "light_samples"), [((0, 20), False), ((0, 255), True), ((128, 255), True)])
+def test_glass_whose_picture_is_rough_anywhere_takes_light_samples(
+    roughnesses: tuple[int, int], light_samples: bool
+) -> None:
+    """Roughness 20 / 255 is an alpha of 0.006."""
+    picture = Texture({1001: np.array([[[value] for value in roughnesses]], np.uint8)})
+    glass = Material(path="/glass", transmission=1.0, roughness=TextureLookup(picture, channels="r"))
+    scene = scenes.room(8)
+    scene = replace(scene, materials=(glass, *scene.materials[1:]))
+    assert detect(scene).transmission
+    assert detect(scene).rough_transmission == light_samples
 
 
 def test_arrays_of_absent_effects_are_not_uploaded() -> None:
