@@ -3,7 +3,8 @@
 With F the light that a vertex sends on by way of its drawn direction and q_s = p_s / p_a, the moments are those of
 kernels/moments.py: m_s = E[F^2 q_s] and h_st = E[F^2 q_s q_t]. They are relative to the cell's E[F^2], so bright and
 dark cells count alike. learn/newton_simplex.py turns them into shares. Cells of few records lean on the mean over all
-cells. The moments of earlier rounds stay valid under other shares, so they are kept; they count less after each round.
+cells. The moments of earlier rounds stay valid under other shares, so they are kept; but they are those of worse guides,
+so they count less after each round.
 
 Reference: Murray et al. (2020), equations 5 to 10.
 """
@@ -27,7 +28,11 @@ Launch = Callable[[wp.Kernel, int, list[Any]], None]
 # No share falls below this part of an equal one.
 LEAST_PART = 0.2
 # Records of a cell that count as much as the mean over all cells.
-PRIOR = 500.0
+PRIOR = 60.0
+# What is known counts for this part after another round, beside what all of the cache forgets.
+KEPT = 0.3
+# Added to the diagonal of the relative h: a pull towards equal shares where densities hardly differ.
+RIDGE = 0.1
 # Strategies whose directions end on lights.
 OF_LIGHTS = ("light", "area", "dome")
 
@@ -71,12 +76,12 @@ class CellShares:
             ratios: q of each strategy, shape (n, S).
         """
         number = len(self.count)
-        self.count = self.count + np.bincount(cells, minlength=number)
+        self.count = KEPT * self.count + np.bincount(cells, minlength=number)
         first, second = np.triu_indices(len(self.strategies))
         columns = [*(squares * q for q in ratios.T)]
         columns += [columns[s] * ratios[:, t] for s, t in zip(first, second, strict=True)]
         added = [np.bincount(cells, column, number) for column in (*columns, squares)]
-        self.sums = self.sums + np.stack(added, axis=1)
+        self.sums = KEPT * self.sums + np.stack(added, axis=1)
         self._solve(launch)
 
     def relative_moments(self) -> FloatArray:
@@ -93,6 +98,8 @@ class CellShares:
         rows = np.zeros((len(self.count), layout.size), np.float32)
         relative = self.relative_moments()
         rows[:, : relative.shape[1] - 1] = relative[:, :-1]
+        first, second = np.triu_indices(len(self.strategies))
+        rows[:, len(self.strategies) + np.flatnonzero(first == second)] += np.float32(RIDGE)
         rows[:, layout.offset("mean") + 1] = relative[:, -1]
         vec_s = wp.types.vector(length=len(self.strategies), dtype=wp.float32)
         moments = wp.array(rows, dtype=layout.relative_vec, device=self.device)

@@ -1,7 +1,7 @@
 """Next-event estimation: a light sample and a BSDF sample, which share the direct light by the balance heuristic.
 
 Every vertex that is not a mirror does this, except the first one where a kernel has a mixture of strategies
-(mixture.py). An estimator is a namespace of five functions; those that next-event estimation does not need do nothing.
+(mixture.py). An estimator is a namespace of functions; those that next-event estimation does not need do nothing.
 
 References: Kajiya (1986), "The Rendering Equation"; Veach (1997), section 9.2.2, the multi-sample model.
 """
