@@ -3,8 +3,8 @@
 With F the light that a vertex sends on by way of its drawn direction and q_s = p_s / p_a, the moments are those of
 kernels/moments.py: m_s = E[F^2 q_s] and h_st = E[F^2 q_s q_t]. They are relative to the cell's E[F^2], so bright and
 dark cells count alike. learn/newton_simplex.py turns them into shares. Cells of few records lean on the mean over all
-cells. The moments of earlier rounds stay valid under other shares, so they are kept; but they are those of worse guides,
-so they count less after each round.
+cells. The moments of earlier rounds stay valid under other shares, so they are kept. Their guides were worse, so they
+count less after each round.
 
 Reference: Murray et al. (2020), equations 5 to 10.
 """
