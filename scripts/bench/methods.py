@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import warpmis
-from warpmis.config import STRATEGIES
+from warpmis.config import CELL_STRATEGIES, STRATEGIES
 from warpmis.film.metrics import estimated_relative_error, relative_mse
 from warpmis.methods import METHODS
 
@@ -39,7 +39,9 @@ BASELINE = "balance"
 STRATEGY_SETS = {
     "murray20": (("bsdf", "light"), ("bsdf", "light", "uniform"), ("bsdf", "light", "cosine")),
     "pooled": (("bsdf", "light"), ("bsdf", "light", "uniform"), ("diffuse", "specular", "light"), STRATEGIES),
+    "cells": (("bsdf", "light"), ("bsdf", "light", "uniform"), ("bsdf", "light", "guide"), CELL_STRATEGIES),
 }
+ALL = {STRATEGIES: "all eight", CELL_STRATEGIES: "all nine"}
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def variants(budget: int) -> Iterator[Variant]:
         for strategies in STRATEGY_SETS.get(name, (("bsdf", "light"),)):
             label = name
             if name in STRATEGY_SETS:
-                label += " all eight" if strategies == STRATEGIES else " " + ",".join(strategies)
+                label += " " + ALL.get(strategies, ",".join(strategies))
             settings = {"method": name, "strategies": strategies}
             if not method.learns or budget < LEARN_SPP * (1 + max(ROUNDS)):
                 yield Variant(label, settings)

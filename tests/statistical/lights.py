@@ -14,6 +14,7 @@ from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.choice import light_importance
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.light.records import Response
 from warpmis.kernels.light.table import make_lights
 from warpmis.scene import (
     Camera,
@@ -79,7 +80,7 @@ def probe(
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, xs[i % xs.shape[0]], ns[i % ns.shape[0]], 0, u[0], u[1])
+    r = lights.receiver(scene, xs[i % xs.shape[0]], ns[i % ns.shape[0]], 0, u[0], u[1], Response())
     p = Probe()
     if mode != LOOK:
         s = lights.sample(scene, r, u)

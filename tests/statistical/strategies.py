@@ -20,6 +20,7 @@ from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
+from warpmis.kernels.light.records import Response
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import frame_from_normal, to_local
@@ -77,7 +78,7 @@ def draw(
         d.q = strategies.one_strategy_ratios(allocation, d.strategy)
         vertex.u_light[0] = strategies.remapped(allocation, d.strategy, u_strategy)
         vertex.u_bsdf[0] = vertex.u_light[0]
-    r = lights.receiver(scene, x, n, 0, vertex.u_light[0], vertex.u_light[1])
+    r = lights.receiver(scene, x, n, 0, vertex.u_light[0], vertex.u_light[1], Response())
     vertex.frame = frame_from_normal(n)
     vertex.surface = surface.prepare(scene, scene.materials[2 * material], wo)
     if strategy != LOOK:

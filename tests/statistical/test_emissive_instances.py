@@ -29,6 +29,7 @@ from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.choice import make_choice
+from warpmis.kernels.light.records import Response
 from warpmis.scene import Prim, Scene, SphereLight
 from warpmis.scene.features import Features, detect
 from warpmis.scene.geometry import Geometry, Prototype
@@ -60,7 +61,7 @@ def probabilities(
 ):
     """For each receiver and each pair of instance and emitter its probability, and whether it brings light."""
     i, k = wp.tid()
-    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5)
+    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5, Response())
     instance = instances[k]
     emitter = emitters[k]
     total[i] = r.total
@@ -82,7 +83,7 @@ def choices(scene: SceneView, x: wp.vec3, n: wp.vec3, pairs: wp.array(dtype=wp.v
     key = rng.RngKey()
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, x, n, 0, u[0], u[1])
+    r = lights.receiver(scene, x, n, 0, u[0], u[1], Response())
     pairs[i] = wp.vec3i(r.choice.instance, r.choice.emitter, r.choice.light)
     pmfs[i] = r.choice.importance / r.total
 

@@ -33,7 +33,7 @@ from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.light.records import Receiver, Response
 from warpmis.scene import Light
 
 SIGNIFICANCE = sidak(0.01, 5 + 9)
@@ -94,7 +94,7 @@ def choose(
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, x, n, 0, u[0], u[1])
+    r = lights.receiver(scene, x, n, 0, u[0], u[1], Response())
     chosen[i] = r
     if i == 0:
         for k in range(scene.light_count):

@@ -23,6 +23,7 @@ from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.choice import make_choice
+from warpmis.kernels.light.records import Response
 from warpmis.kernels.light.tree import make_light_tree
 from warpmis.scene import CylinderLight, DiskLight, Light, RectLight, Scene, SphereLight, features
 from warpmis.scene.features import Features
@@ -47,7 +48,7 @@ def probabilities(
 ):
     """For each receiver and leaf its probability, and whether any of some samples of it brings light."""
     i, leaf = wp.tid()
-    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5)
+    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5, Response())
     total[i] = r.finite
     pmf[i, leaf] = tree.leaf_pmf(scene.light_tree, r, leaf)
     index = leaf
@@ -71,7 +72,7 @@ def choices(scene: SceneView, x: wp.vec3, n: wp.vec3, leaves: wp.array(dtype=int
     key = rng.RngKey()
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, x, n, 0, 0.5, 0.5)
+    r = lights.receiver(scene, x, n, 0, 0.5, 0.5, Response())
     r.u_fine = u[1]
     c = tree.choose_leaf(scene.light_tree, r, tree.importances(scene.light_tree, 0, r), u[0])
     leaves[i] = c.leaf

@@ -12,7 +12,7 @@ import numpy as np
 
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
-from warpmis.scene.material import is_rough, is_smooth
+from warpmis.scene.material import SMOOTH_ALPHA, is_rough, is_smooth
 from warpmis.scene.texture import PrimvarLookup, TextureLookup, bounds_of
 
 # Up to so many lights are weighed one by one; measured by scripts/bench/many_lights.py.
@@ -31,6 +31,7 @@ class Features:
         shaping: lights that shine not alike in all directions; ies: those by a profile.
         light_pictures: rect lights with a picture; light_tints: geometry that lights in another color than it glows.
         light_response: lights that diffuse and specular lobes see differently.
+        glossy_choice: several lights, and surfaces with a glossy lobe, by which one of them is chosen.
         light_links, shadow_links: lights that do not reach all prims, or that not all prims stand in the way of.
         specular: a GGX lobe; clearcoat: a second one; smooth: a lobe so smooth that it is a mirror.
         opacity: surfaces that let rays straight through.
@@ -66,6 +67,7 @@ class Features:
     light_pictures: bool = False
     light_tints: bool = False
     light_response: bool = False
+    glossy_choice: bool = False
     light_links: bool = False
     shadow_links: bool = False
     specular: bool = False
@@ -147,6 +149,13 @@ def reflects(material: Material) -> bool:
     return not material.lambertian or max(constant.diffuse_color) > 0.0
 
 
+def is_glossy(material: Material) -> bool:
+    """Whether the specular lobe or the coat has a density, somewhere."""
+    coated = bounds_of(material.clearcoat)[1] > 0.0
+    roughnesses = [material.roughness, *([material.clearcoat_roughness] if coated else [])]
+    return any(bounds_of(one)[1] ** 2 >= SMOOTH_ALPHA for one in roughnesses)
+
+
 def is_delta(light: object) -> bool:
     """Whether a light has no extent in direction: a point, or a distant light of angle 0."""
     if isinstance(light, SphereLight):
@@ -177,6 +186,15 @@ def has_light_tree(scene: Scene) -> bool:
     return analytic + triangles > FEW_LIGHTS
 
 
+def has_several_lights(scene: Scene) -> bool:
+    """Whether one of them has to be chosen."""
+    if has_light_tree(scene):
+        return True
+    emits = np.array([is_emissive(material) for material in scene.materials] or [False])
+    glowing = scene.geometry.prims[emits[scene.geometry.materials]] if len(scene.geometry.materials) else []
+    return len(scene.lights) + len(np.unique(glowing)) > 1
+
+
 def light_controls(scene: Scene) -> list[LightControl]:
     """What is asked for of all lights, those made of geometry included."""
     return [light.control for light in scene.lights] + [prim.control for prim in scene.prims]
@@ -192,6 +210,7 @@ def detect(scene: Scene) -> Features:
     return replace(
         _light_effects(scene),
         mesh_light=any(is_emissive(m) for m in used),
+        glossy_choice=any(map(is_glossy, specular)) and has_several_lights(scene),
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),

@@ -15,7 +15,8 @@ from warpmis.device.views import DISK, DISTANT, DOME, RECT, SPHERE, LightView, S
 from warpmis.kernels.hit import NO_INSTANCE
 from warpmis.kernels.lanes import splat8
 from warpmis.kernels.light.place import first_place_leaf, make_place, receiver_in_place
-from warpmis.kernels.light.records import NO_LIGHT, LightChoice, Receiver
+from warpmis.kernels.light.records import NO_LIGHT, LightChoice, Receiver, Response
+from warpmis.kernels.light.response import over_all_directions, towards
 from warpmis.kernels.light.tree import LeafChoice, make_light_tree
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.warps import PI
@@ -61,6 +62,21 @@ def light_importance(light: LightView, x: wp.vec3, n: wp.vec3) -> float:
 
 
 @wp.func
+def light_response(light: LightView, r: Receiver) -> float:
+    """What the receiver makes of the light's irradiance, at least 1."""
+    if light.kind == DOME:
+        return over_all_directions(r.response)
+    if light.kind == DISTANT:
+        return towards(r.response, r.n, light.n, 2.0 * light.one_minus_cos)
+    to_center = light.center - r.x
+    d2 = wp.dot(to_center, to_center)
+    r2 = light.bound * light.bound
+    if d2 <= r2:
+        return over_all_directions(r.response)
+    return towards(r.response, r.n, to_center / wp.sqrt(d2), r2 / d2)
+
+
+@wp.func
 def density(of_light: float, total: float) -> float:
     """Density among lights whose importances sum to `total`, from density times importance."""
     if total <= 0.0:
@@ -90,7 +106,10 @@ def make_choice(features: Features) -> SimpleNamespace:
         """Of a light that is weighed by itself."""
         if scene.light_count == 1 and not has_tree(scene):
             return 1.0
-        return light_importance(light, r.x, r.n)
+        estimate = light_importance(light, r.x, r.n)
+        if wp.static(features.glossy_choice):
+            estimate = estimate * light_response(light, r)
+        return estimate
 
     @wp.func
     def leaf_importance(scene: SceneView, r: Receiver, leaf: int) -> float:
@@ -182,7 +201,9 @@ def make_choice(features: Features) -> SimpleNamespace:
         return c
 
     @wp.func
-    def receiver(scene: SceneView, x: wp.vec3, n: wp.vec3, prim: int, u: float, u_fine: float) -> Receiver:
+    def receiver(
+        scene: SceneView, x: wp.vec3, n: wp.vec3, prim: int, u: float, u_fine: float, response: Response
+    ) -> Receiver:
         """Choose a light with u. Each light's part of the numbers is one interval, so that the remapped u is as evenly
         spread over the light's samples as u is over all. u_fine: see Receiver."""
         r = Receiver()
@@ -191,6 +212,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         r.is_surface = True
         r.prim = prim
         r.u_fine = u_fine
+        r.response = response
         r.choice.light = NO_LIGHT
         if wp.static(features.light_tree):
             r.links = -1

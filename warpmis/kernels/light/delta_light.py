@@ -11,6 +11,7 @@ from warpmis.device.views import DELTA_DISTANT, SceneView, vec8f
 from warpmis.kernels.lanes import splat8
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.records import NO_LIGHT, Receiver
+from warpmis.kernels.light.response import towards
 from warpmis.kernels.shading_frame import luminance
 from warpmis.scene.features import Features
 
@@ -57,6 +58,8 @@ def make_delta_light(features: Features, control: SimpleNamespace, tree: SimpleN
             s.irradiance = wp.cw_mul(s.irradiance, factor)
             seen = luminance(wp.cw_mul(light.intensity, factor))
             s.importance = seen * falloff * wp.max(wp.dot(r.n, s.wi), 0.0)
+        if wp.static(features.glossy_choice):
+            s.importance = s.importance * towards(r.response, r.n, s.wi, 0.0)
         return s
 
     @wp.func

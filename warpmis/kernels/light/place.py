@@ -47,6 +47,7 @@ def receiver_in_place(scene: SceneView, r: Receiver, instance: int) -> Receiver:
     local = r
     local.x = place.inverse * (r.x - place.translation)
     local.n = wp.normalize(wp.transpose(place.linear) * r.n)
+    local.response.wo = wp.normalize(place.inverse * r.response.wo)
     return local
 
 

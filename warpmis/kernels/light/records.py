@@ -60,6 +60,22 @@ class RayStretch:
 
 
 @wp.struct
+class Response:
+    """The lobes of the receiver's surface, as far as the choice among lights goes by them (response.py).
+
+    wo: unit direction to the viewer; matte, gloss, coat: weights of the diffuse lobe, of the specular one and of the
+    coat; alpha2, coat_alpha2: squared roughness of the latter two. All 0: the choice does not ask.
+    """
+
+    wo: wp.vec3
+    matte: float
+    gloss: float
+    alpha2: float
+    coat: float
+    coat_alpha2: float
+
+
+@wp.struct
 class Receiver:
     """The point that asks for light, with a light chosen for it and what normalises that choice.
 
@@ -74,7 +90,7 @@ class Receiver:
     is_surface: False for the camera; prim: index of the prim at x, set where lights are controlled; links: bits of the
     lights that may reach it, as in LightLeaves. absorption: of the medium that rays leave x through [1/scene unit].
     diffuse: the diffuse lobe's share of what the surface scatters from the
-    ray's direction, per color.
+    ray's direction, per color. response: the surface, where lights are chosen by it.
 
     place, weighs_emission: where light is kept apart by its path, PathState's.
     """
@@ -94,5 +110,6 @@ class Receiver:
     links: int
     absorption: wp.vec3
     diffuse: wp.vec3
+    response: Response
     place: int
     weighs_emission: bool

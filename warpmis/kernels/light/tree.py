@@ -24,6 +24,7 @@ from warpmis.kernels.lanes import (
     square_roots,
 )
 from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.light.response import is_glossy, towards_eight
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.scene.features import Features
 
@@ -156,6 +157,23 @@ def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) 
     return at_least(zero, above, zero, min8(max8(brought, tree.rows[row + LEAST]), splat8(MOST)))
 
 
+@wp.func
+def children_response(tree: LightTreeView, node: int, r: Receiver) -> vec8f:
+    """What the receiver makes of light from each child, at least 1."""
+    row = node * ROWS
+    one = splat8(1.0)
+    mx = tree.rows[row + MEAN] - one * r.x[0]
+    my = tree.rows[row + MEAN + 1] - one * r.x[1]
+    mz = tree.rows[row + MEAN + 2] - one * r.x[2]
+    radius2 = tree.rows[row + RADIUS2]
+    square = wp.cw_div(one, max8(dots(mx, my, mz, mx, my, mz) + radius2, splat8(TINY)))
+    inverse = square_roots(square)
+    extent2 = wp.cw_mul(radius2, square)
+    return towards_eight(
+        r.response, r.n, wp.cw_mul(mx, inverse), wp.cw_mul(my, inverse), wp.cw_mul(mz, inverse), extent2
+    )
+
+
 def make_light_tree(features: Features) -> SimpleNamespace:
     """Functions of the tree: importances, choose_leaf, leaf_pmf; and of a part of it: descend, leaf_pmf_below."""
 
@@ -163,6 +181,9 @@ def make_light_tree(features: Features) -> SimpleNamespace:
     def importances(tree: LightTreeView, node: int, r: Receiver) -> vec8f:
         """Of the node's children; 0 for those whose lights do not reach the receiver's prim."""
         found = children_importance(tree, node, r.x, r.n)
+        if wp.static(features.glossy_choice):
+            if is_glossy(r.response):
+                found = min8(wp.cw_mul(found, children_response(tree, node, r)), splat8(MOST))
         if wp.static(features.light_links):
             for i in range(8):
                 if (tree.links[8 * node + i] & r.links) == 0:

@@ -74,7 +74,7 @@ def make_counts(
         steps = path.estimate.lattice
         r = path.receiver
         u = moved_on(path.u_remapped, steps[0], part)
-        path.receiver = lights.receiver(scene, r.x, r.n, r.prim, u, r.u_fine)
+        path.receiver = lights.receiver(scene, r.x, r.n, r.prim, u, r.u_fine, r.response)
         path.receiver.absorption = r.absorption
         vertex.u_light[0] = u
         vertex.u_light[1] = path.receiver.choice.u_remapped

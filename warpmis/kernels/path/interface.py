@@ -15,7 +15,7 @@ from warpmis.kernels.bsdf.dielectric import evaluate_interface, is_rough_interfa
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.direct_light import make_direct_light
 from warpmis.kernels.hit import Hit
-from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.light.records import Receiver, Response
 from warpmis.kernels.shading_frame import Frame, to_local
 from warpmis.scene.features import Features
 
@@ -77,7 +77,8 @@ def make_interface(
         prim = int(0)
         if wp.static(features.controlled):
             prim = lights.control.prim_of(scene, hit)
-        receiver = lights.receiver(scene, hit.p + vertex.ng * hit.offset, n, prim, vertex.u_light[0], vertex.u_light[1])
+        x, u = hit.p + vertex.ng * hit.offset, vertex.u_light
+        receiver = lights.receiver(scene, x, n, prim, u[0], u[1], Response())
         if wp.static(features.absorption):
             receiver.absorption = medium_on(path, hit, vertex.surface.material, vertex.surface.is_beyond)
         return receiver

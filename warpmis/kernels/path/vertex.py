@@ -6,12 +6,27 @@ import warp as wp
 
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels import rng
+from warpmis.kernels.bsdf.surface import Surface
 from warpmis.kernels.hit import Hit
+from warpmis.kernels.light.records import Response
 from warpmis.kernels.path.state import Vertex
-from warpmis.kernels.shading_frame import Frame
+from warpmis.kernels.shading_frame import Frame, to_world
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def response_of(surface: Surface, frame: Frame) -> Response:
+    """The surface, as the choice among lights knows it."""
+    response = Response()
+    response.wo = to_world(frame, surface.wo)
+    response.matte = surface.p_diffuse
+    response.gloss = surface.p_specular
+    response.alpha2 = surface.alpha * surface.alpha
+    response.coat = surface.p_coat
+    response.coat_alpha2 = surface.coat_alpha * surface.coat_alpha
+    return response
 
 
 def make_vertex(
@@ -64,7 +79,11 @@ def make_vertex(
         if wp.static(features.controlled):
             prim = lights.control.prim_of(scene, hit)
         absorption = path.receiver.absorption
-        path.receiver = lights.receiver(scene, path.origin, frame.n, prim, vertex.u_light[0], vertex.u_light[1])
+        response = Response()
+        if wp.static(features.glossy_choice):
+            response = response_of(vertex.surface, frame)
+        u = vertex.u_light
+        path.receiver = lights.receiver(scene, path.origin, frame.n, prim, u[0], u[1], response)
         if wp.static(features.absorption):
             path.receiver.absorption = absorption
         if not path.has_scattered:
