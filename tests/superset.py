@@ -21,6 +21,7 @@ LIGHTS = Features(
     dome_constant=True,
     mesh_light=True,
     delta_light=True,
+    glossy_choice=True,
     specular=True,
     smooth=True,
     opacity=True,

@@ -63,6 +63,24 @@ class Probe:
     importance: float
 
 
+@wp.func
+def some_response(n: wp.vec3, k: int) -> Response:
+    """That of a matte receiver for even k; for others with lobes of any width, seen from anywhere above the surface."""
+    response = Response()
+    if k % 2 == 1:
+        key = rng.RngKey()
+        key.sample = wp.uint32(k)
+        u = rng.uniform4(key, 0)
+        v = rng.uniform4(key, 1)
+        response.wo = wp.normalize(n + 0.99 * wp.normalize(wp.vec3(u[0] - 0.5, u[1] - 0.5, u[2] - 0.5)))
+        response.matte = 0.1 * u[3]
+        response.gloss = 0.7
+        response.alpha2 = wp.pow(10.0, -6.0 * v[0])
+        response.coat = 0.2
+        response.coat_alpha2 = wp.pow(10.0, -6.0 * v[1])
+    return response
+
+
 @wp.kernel(module="unique", enable_backward=False)
 def probe(
     scene: SceneView,

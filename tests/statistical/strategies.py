@@ -20,9 +20,9 @@ from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.records import Response
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.path.state import Vertex
+from warpmis.kernels.path.vertex import response_of
 from warpmis.kernels.shading_frame import frame_from_normal, to_local
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene import Material, Scene
@@ -78,9 +78,10 @@ def draw(
         d.q = strategies.one_strategy_ratios(allocation, d.strategy)
         vertex.u_light[0] = strategies.remapped(allocation, d.strategy, u_strategy)
         vertex.u_bsdf[0] = vertex.u_light[0]
-    r = lights.receiver(scene, x, n, 0, vertex.u_light[0], vertex.u_light[1], Response())
     vertex.frame = frame_from_normal(n)
     vertex.surface = surface.prepare(scene, scene.materials[2 * material], wo)
+    response = response_of(vertex.surface, vertex.frame)
+    r = lights.receiver(scene, x, n, 0, vertex.u_light[0], vertex.u_light[1], response)
     if strategy != LOOK:
         wis[i] = strategies.sample(scene, r, vertex, d.strategy).wi
     wi = wis[i]

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from statistical.estimates import REGIONS, block_means, caught_bias, paired_p_values
-from statistical.lights import LOOK, SAMPLE, TURN, Probe, lights, make_scene, probe
+from statistical.lights import LOOK, SAMPLE, TURN, Probe, lights, make_scene, probe, some_response
 from stats import chi_square, detectable_imbalance, sidak
 from usd.pictures import write
 from usd.stages import load
@@ -29,7 +29,6 @@ from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.choice import make_choice
-from warpmis.kernels.light.records import Response
 from warpmis.scene import Prim, Scene, SphereLight
 from warpmis.scene.features import Features, detect
 from warpmis.scene.geometry import Geometry, Prototype
@@ -61,7 +60,7 @@ def probabilities(
 ):
     """For each receiver and each pair of instance and emitter its probability, and whether it brings light."""
     i, k = wp.tid()
-    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5, Response())
+    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5, some_response(ns[i], i))
     instance = instances[k]
     emitter = emitters[k]
     total[i] = r.total
@@ -78,12 +77,15 @@ def probabilities(
 
 
 @wp.kernel(module="unique", enable_backward=False)
-def choices(scene: SceneView, x: wp.vec3, n: wp.vec3, pairs: wp.array(dtype=wp.vec3i), pmfs: wp.array(dtype=float)):
+def choices(
+    scene: SceneView, x: wp.vec3, n: wp.vec3, which: int, pairs: wp.array(dtype=wp.vec3i), pmfs: wp.array(dtype=float)
+):
+    """By the receiver `which` of those that `probabilities` asks."""
     i = wp.tid()
     key = rng.RngKey()
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, x, n, 0, u[0], u[1], Response())
+    r = lights.receiver(scene, x, n, 0, u[0], u[1], some_response(n, which))
     pairs[i] = wp.vec3i(r.choice.instance, r.choice.emitter, r.choice.light)
     pmfs[i] = r.choice.importance / r.total
 
@@ -180,25 +182,26 @@ def test_what_brings_light_can_be_chosen(triangles: int, places: int, seed: int,
     np.testing.assert_allclose(pmf.sum(axis=1), np.where(total > 0.0, 1.0, 0.0), atol=1e-5)
 
 
-def test_pairs_are_chosen_with_their_probability() -> None:
+@pytest.mark.parametrize("which", [0, 1], ids=["matte", "glossy"])
+def test_pairs_are_chosen_with_their_probability(which: int) -> None:
     scene = crowd(12, 30, 3, 3.0)
     device = upload(scene, "cpu")
     instances, emitters = pairs_of(scene, device)
     x, n = np.array([0.4, -0.3, 0.2]), TURN[:, 2]
-    _, pmf, _ = asked(scene, device, [x], [n], [0])
+    _, pmf, _ = asked(scene, device, [x, x], [n, n], [0, 0])
     found, pmfs = wp.zeros(SAMPLES, dtype=wp.vec3i), wp.zeros(SAMPLES, dtype=float)
-    wp.launch(choices, SAMPLES, [device.view, wp.vec3(*x.tolist()), wp.vec3(*n.tolist()), found, pmfs])
+    wp.launch(choices, SAMPLES, [device.view, wp.vec3(*x.tolist()), wp.vec3(*n.tolist()), which, found, pmfs])
     instance, emitter, _ = found.numpy().T
     of_mesh = emitter >= 0
     row = {pair: k for k, pair in enumerate(zip(instances.tolist(), emitters.tolist(), strict=True))}
     chosen = np.array([row[pair] for pair in zip(instance[of_mesh].tolist(), emitter[of_mesh].tolist(), strict=True)])
     counts = np.append(np.bincount(chosen, minlength=len(instances)), (~of_mesh).sum()).astype(float)
-    expected = np.append(pmf[0], 1.0 - pmf[0].sum())
+    expected = np.append(pmf[which], 1.0 - pmf[which].sum())
     assert expected[-1] > 0.0  # that of the lamps
     fit = chi_square(counts, expected * SAMPLES)
     assert fit.p_value > LEVEL, fit
     assert detectable_imbalance(fit.count, fit.dof, LEVEL) < 0.1
-    np.testing.assert_allclose(pmfs.numpy()[of_mesh], pmf[0][chosen], rtol=1e-4)
+    np.testing.assert_allclose(pmfs.numpy()[of_mesh], pmf[which][chosen], rtol=1e-4)
 
 
 def test_a_samples_density_is_that_of_the_triangles_on_its_line() -> None:

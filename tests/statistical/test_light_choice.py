@@ -25,6 +25,7 @@ from statistical.lights import (
     make_scene,
     rect,
     run,
+    some_response,
     sphere,
 )
 from stats import chi_square, detectable_imbalance, sidak, uniformity
@@ -33,7 +34,7 @@ from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.records import Receiver, Response
+from warpmis.kernels.light.records import Receiver
 from warpmis.scene import Light
 
 SIGNIFICANCE = sidak(0.01, 5 + 9)
@@ -86,7 +87,13 @@ def test_choice_among_lights_is_a_distribution() -> None:
 
 @wp.kernel(module="unique", enable_backward=False)
 def choose(
-    scene: SceneView, x: wp.vec3, n: wp.vec3, seed: int, chosen: wp.array(dtype=Receiver), of: wp.array(dtype=float)
+    scene: SceneView,
+    x: wp.vec3,
+    n: wp.vec3,
+    which: int,
+    seed: int,
+    chosen: wp.array(dtype=Receiver),
+    of: wp.array(dtype=float),
 ):
     """The receiver's choice, once a thread; and the importance of each light, by the first thread."""
     i = wp.tid()
@@ -94,7 +101,7 @@ def choose(
     key.seed = wp.uint32(seed)
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, x, n, 0, u[0], u[1], Response())
+    r = lights.receiver(scene, x, n, 0, u[0], u[1], some_response(n, which))
     chosen[i] = r
     if i == 0:
         for k in range(scene.light_count):
@@ -115,12 +122,13 @@ def crowd(count: int) -> list[Light]:
     return [*found, *([replace(dome(), radiance=WHITE * 0.01)] if count > 2 else [])]
 
 
+@pytest.mark.parametrize("which", [0, 1], ids=["matte", "glossy"])
 @pytest.mark.parametrize("count", [1, 2, 5, 40])
-def test_each_light_is_chosen_in_proportion_to_its_importance(count: int) -> None:
+def test_each_light_is_chosen_in_proportion_to_its_importance(count: int, which: int) -> None:
     scene = upload(make_scene(*crowd(count)), "cpu")
     chosen, of = wp.zeros(COUNT, dtype=Receiver), wp.zeros(count, dtype=float)
     x, n = wp.vec3(*RECEIVER.tolist()), wp.vec3(*TURN[:, 2].tolist())
-    wp.launch(choose, COUNT, [scene.view, x, n, 1, chosen, of])
+    wp.launch(choose, COUNT, [scene.view, x, n, which, 1, chosen, of])
     r, importance = chosen.numpy(), of.numpy().astype(float)
     # Every fifth sphere is below the horizon.
     assert (importance == 0.0).sum() == (7 if count == 40 else 0)

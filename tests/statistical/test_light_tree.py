@@ -16,14 +16,13 @@ import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from statistical.lights import TURN, lights, make_scene
+from statistical.lights import TURN, lights, make_scene, some_response
 from stats import chi_square, detectable_imbalance, sidak
 
 from warpmis.device.upload import DeviceScene, upload
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.light.choice import make_choice
-from warpmis.kernels.light.records import Response
 from warpmis.kernels.light.tree import make_light_tree
 from warpmis.scene import CylinderLight, DiskLight, Light, RectLight, Scene, SphereLight, features
 from warpmis.scene.features import Features
@@ -48,7 +47,7 @@ def probabilities(
 ):
     """For each receiver and leaf its probability, and whether any of some samples of it brings light."""
     i, leaf = wp.tid()
-    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5, Response())
+    r = lights.receiver(scene, xs[i], ns[i], prims[i], 0.5, 0.5, some_response(ns[i], i))
     total[i] = r.finite
     pmf[i, leaf] = tree.leaf_pmf(scene.light_tree, r, leaf)
     index = leaf
@@ -67,12 +66,15 @@ def probabilities(
 
 
 @wp.kernel(module="unique", enable_backward=False)
-def choices(scene: SceneView, x: wp.vec3, n: wp.vec3, leaves: wp.array(dtype=int), pmfs: wp.array(dtype=float)):
+def choices(
+    scene: SceneView, x: wp.vec3, n: wp.vec3, which: int, leaves: wp.array(dtype=int), pmfs: wp.array(dtype=float)
+):
+    """By the receiver `which` of those that `probabilities` asks."""
     i = wp.tid()
     key = rng.RngKey()
     key.sample = wp.uint32(i)
     u = rng.uniform4(key, 0)
-    r = lights.receiver(scene, x, n, 0, 0.5, 0.5, Response())
+    r = lights.receiver(scene, x, n, 0, 0.5, 0.5, some_response(n, which))
     r.u_fine = u[1]
     c = tree.choose_leaf(scene.light_tree, r, tree.importances(scene.light_tree, 0, r), u[0])
     leaves[i] = c.leaf
@@ -148,18 +150,19 @@ def test_what_brings_light_can_be_chosen(count: int, seed: int, size: float, spr
     np.testing.assert_allclose(pmf.sum(axis=1), np.where(total > 0.0, 1.0, 0.0), atol=1e-5)
 
 
+@pytest.mark.parametrize("which", [0, 1], ids=["matte", "glossy"])
 @pytest.mark.parametrize("count", [3, 40, 700])
-def test_leaves_are_chosen_with_their_probability(count: int) -> None:
+def test_leaves_are_chosen_with_their_probability(count: int, which: int) -> None:
     scene = by_tree(crowd(count, count, 0.1))
     x, n = np.array([0.4, -0.3, 0.2]), TURN[:, 2]
-    _, pmf, _ = asked(scene, 2 * count, [x], [n], [0])
+    _, pmf, _ = asked(scene, 2 * count, [x, x], [n, n], [0, 0])
     leaves, pmfs = wp.zeros(SAMPLES, dtype=int), wp.zeros(SAMPLES, dtype=float)
-    wp.launch(choices, SAMPLES, [scene.view, wp.vec3(*x.tolist()), wp.vec3(*n.tolist()), leaves, pmfs])
+    wp.launch(choices, SAMPLES, [scene.view, wp.vec3(*x.tolist()), wp.vec3(*n.tolist()), which, leaves, pmfs])
     chosen = leaves.numpy()
-    fit = chi_square(np.bincount(chosen, minlength=2 * count).astype(float), pmf[0] * SAMPLES)
+    fit = chi_square(np.bincount(chosen, minlength=2 * count).astype(float), pmf[which] * SAMPLES)
     assert fit.p_value > SIGNIFICANCE, fit
     assert detectable_imbalance(fit.count, fit.dof, SIGNIFICANCE) < 0.1
-    np.testing.assert_allclose(pmfs.numpy(), pmf[0][chosen], rtol=1e-5)
+    np.testing.assert_allclose(pmfs.numpy(), pmf[which][chosen], rtol=1e-5)
 
 
 def test_probabilities_sum_to_one() -> None:

@@ -33,7 +33,7 @@ from warpmis.scene import (
 )
 from warpmis.scene.light_control import LightControl, Shaping
 
-SEEDS = 12
+SEEDS = 13
 WAYS: dict[str, dict[str, Any]] = {
     "next-event": {"method": "nee"},
     "light": {"method": "balance"},
@@ -122,11 +122,27 @@ CASES = {
 LEVEL = sidak(0.01, len(CASES) * len(WAYS) * REGIONS)
 
 
-def pictures(scene: Scene, few: int, settings: dict[str, Any]) -> NDArray[np.float64]:
+def pictures(
+    scene: Scene, few: int, settings: dict[str, Any], effects: features.Features | None = None
+) -> NDArray[np.float64]:
     with mock.patch.object(features, "FEW_LIGHTS", few):
-        every = replace(effects_of(CASES.values()), light_tree=True)  # one kernel a way for all cases
+        every = effects or replace(effects_of(CASES.values()), light_tree=True)  # one kernel a way for all cases
         found = (warpmis.render(scene, spp=64, seed=k, features=every, **settings).image for k in range(SEEDS))
         return np.array([block_means(image) for image in found])
+
+
+def test_the_choice_by_glossy_lobes_changes_no_mean() -> None:
+    """With trees and without, against a choice that knows irradiance alone; the back wall is of rough metal."""
+    case = CASES["points and suns among lamps"]
+    with mock.patch.object(features, "FEW_LIGHTS", 0):
+        every = replace(effects_of(CASES.values()), light_tree=True)
+    reference = pictures(case, 1000, {"method": "nee"}, replace(every, glossy_choice=False))
+    level = sidak(0.01, 2 * REGIONS)
+    for few in (0, 1000):
+        found = pictures(case, few, {"method": "nee"}, every)
+        assert (found != reference).any()
+        assert paired_p_values(found, reference).min() > level
+        assert caught_bias(found, reference, level) < 0.03
 
 
 @pytest.mark.parametrize("way", WAYS)

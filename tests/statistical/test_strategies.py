@@ -26,7 +26,7 @@ DETECTABLE = 0.03
 
 # The hemisphere is theirs without a sample lost.
 WHOLE = ("uniform", "cosine")
-SIDE = 72
+SIDE = 80
 
 
 def directions_above(point: str, strategy: int, count: int, seed: int) -> NDArray[np.float32]:

@@ -38,6 +38,7 @@ FUNCTIONS = {
     "dome_picture": ("sample_dome_picture", "dome_radiance"),
     "mesh_light": ("make_mesh__locals__sample", "make_on_ray__locals__pdf_emitter_triangles"),
     "light_tree": ("make_light_tree__locals__choose_leaf", "make_light_tree__locals__leaf_pmf", "boxes_on_ray"),
+    "glossy_choice": ("towards", "response_of"),
     "delta_light": ("make_direct_light__locals__from_delta_light",),
     "shaping": ("shaping_factor",),
     "ies": ("ies_factor",),

@@ -19,12 +19,12 @@ from warpmis.kernels.light.records import Response
 
 wp.set_module_options({"enable_backward": False})
 
-# The response is 1 plus this times the reflectance, so no light's importance falls below a twentieth of what a matte
+# The response is 1 plus this times the reflectance, so no light's importance falls below a fiftieth of what a matte
 # receiver gives it: what the estimate leaves out can still be found.
-STRENGTH = wp.constant(20.0)
+STRENGTH = wp.constant(50.0)
 # Part of the squared extent of a light, over its squared distance, by which the squared roughness grows: the half
 # vector turns by half of the light's angle.
-WIDENING = wp.constant(0.25)
+WIDENING = wp.constant(1.0)
 # Squared length of wo + wi below which it says nothing.
 SHORTEST = wp.constant(0.04)
 
