@@ -72,7 +72,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return q
 
     @wp.func
-    def lights_of(scene: SceneView, r: Receiver, strategy: int, u: wp.vec4) -> LightSample:
+    def lights_of(scene: SceneView, r: wp.ref[Receiver], strategy: int, u: wp.vec4) -> LightSample:
         s = LightSample()
         for i in range(wp.static(count)):
             if strategy == i:
@@ -85,7 +85,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return s
 
     @wp.func
-    def total_of(r: Receiver, strategy: int) -> float:
+    def total_of(r: wp.ref[Receiver], strategy: int) -> float:
         """Importance of all lights that a strategy chooses from; 0 for strategies that sample no lights."""
         total = float(0.0)
         for i in range(wp.static(count)):
@@ -99,7 +99,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return total
 
     @wp.func
-    def sample(scene: SceneView, r: Receiver, vertex: wp.ref[Vertex], strategy: int) -> LightSample:
+    def sample(scene: SceneView, r: wp.ref[Receiver], vertex: wp.ref[Vertex], strategy: int) -> LightSample:
         """A world direction from one strategy, and the light that it was drawn towards, if any; wi is the zero vector
         where there is none. Of vertex.u_bsdf the hemispheres take the first and the third number, the BSDF's sampler
         the second as well, which may be the first one remapped."""
@@ -157,7 +157,7 @@ def make_strategies(features: Features, surface: SimpleNamespace, lights: Simple
         return p
 
     @wp.func
-    def completed(at_vertex: vec_s, r: Receiver, finite: float, infinite: float) -> vec_s:
+    def completed(at_vertex: vec_s, r: wp.ref[Receiver], finite: float, infinite: float) -> vec_s:
         """finite, infinite: density times importance of the lights on the ray (LightsOnRay), mesh lights among them."""
         p = at_vertex
         for i in range(wp.static(count)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
-from warpmis.scene.material import SMOOTH_ALPHA, is_rough, is_smooth
+from warpmis.scene.material import MATTE_ALPHA, SMOOTH_ALPHA, is_rough, is_smooth
 from warpmis.scene.texture import PrimvarLookup, TextureLookup, bounds_of
 
 # Up to so many lights are weighed one by one; measured by scripts/bench/many_lights.py.
@@ -150,10 +150,11 @@ def reflects(material: Material) -> bool:
 
 
 def is_glossy(material: Material) -> bool:
-    """Whether the specular lobe or the coat has a density, somewhere."""
+    """Whether the specular lobe or the coat is neither a mirror nor as good as matte, somewhere."""
     coated = bounds_of(material.clearcoat)[1] > 0.0
     roughnesses = [material.roughness, *([material.clearcoat_roughness] if coated else [])]
-    return any(bounds_of(one)[1] ** 2 >= SMOOTH_ALPHA for one in roughnesses)
+    bounds = [bounds_of(one) for one in roughnesses]
+    return any(low**2 < MATTE_ALPHA and high**2 >= SMOOTH_ALPHA for low, high in bounds)
 
 
 def is_delta(light: object) -> bool:

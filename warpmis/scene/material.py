@@ -14,6 +14,8 @@ Color = tuple[float, float, float]
 
 # Below this GGX alpha a lobe is a mirror: float32 half vectors cannot resolve it (pbrt-v4's threshold).
 SMOOTH_ALPHA = 1e-3
+# From here on lights are chosen as if the lobe were matte: to look at it costs more than it saves.
+MATTE_ALPHA = 0.5
 # From here on an interface takes light samples (kernels/bsdf/dielectric.py).
 ROUGH_ALPHA = 0.02
 

@@ -62,7 +62,7 @@ def light_importance(light: LightView, x: wp.vec3, n: wp.vec3) -> float:
 
 
 @wp.func
-def light_response(light: LightView, r: Receiver) -> float:
+def light_response(light: LightView, r: wp.ref[Receiver]) -> float:
     """What the receiver makes of the light's irradiance, at least 1."""
     if light.kind == DOME:
         return over_all_directions(r.response)
@@ -102,7 +102,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         return wp.where(has_tree(scene), scene.finite_light_count, 0)
 
     @wp.func
-    def importance(scene: SceneView, light: LightView, r: Receiver) -> float:
+    def importance(scene: SceneView, light: LightView, r: wp.ref[Receiver]) -> float:
         """Of a light that is weighed by itself."""
         if scene.light_count == 1 and not has_tree(scene):
             return 1.0
@@ -112,14 +112,14 @@ def make_choice(features: Features) -> SimpleNamespace:
         return estimate
 
     @wp.func
-    def leaf_importance(scene: SceneView, r: Receiver, leaf: int) -> float:
+    def leaf_importance(scene: SceneView, r: wp.ref[Receiver], leaf: int) -> float:
         """Of a light in the tree: its part of the root's."""
         if r.finite <= 0.0:
             return 0.0
         return r.finite * tree.leaf_pmf(scene.light_tree, r, leaf)
 
     @wp.func
-    def emitter_importance(scene: SceneView, r: Receiver, emitter: int, instance: int) -> float:
+    def emitter_importance(scene: SceneView, r: wp.ref[Receiver], emitter: int, instance: int) -> float:
         """Of a mesh light's triangle in the tree, where it stands."""
         if wp.static(features.emissive_instances):
             if instance != NO_INSTANCE:
@@ -134,7 +134,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         return leaf_importance(scene, r, scene.analytic_light_count + emitter)
 
     @wp.func
-    def importance_of(scene: SceneView, r: Receiver, index: int) -> float:
+    def importance_of(scene: SceneView, r: wp.ref[Receiver], index: int) -> float:
         """Of any light but a mesh light in the tree, by its index."""
         if wp.static(features.light_tree):
             if index < first_weighed(scene):
@@ -142,14 +142,16 @@ def make_choice(features: Features) -> SimpleNamespace:
         return importance(scene, scene.lights[index], r)
 
     @wp.func
-    def is_turned_away(scene: SceneView, r: Receiver) -> bool:
+    def is_turned_away(scene: SceneView, r: wp.ref[Receiver]) -> bool:
         """Whether there is a single light, which needs no choice, and it cannot reach r."""
         if scene.light_count != 1 or has_tree(scene):
             return False
         return light_importance(scene.lights[0], r.x, r.n) <= 0.0
 
     @wp.func
-    def choose(scene: SceneView, r: Receiver, first: int, end: int, before: float, target: float) -> LightChoice:
+    def choose(
+        scene: SceneView, r: wp.ref[Receiver], first: int, end: int, before: float, target: float
+    ) -> LightChoice:
         """The one of the lights first to end - 1 at which the sum of importances, `before` that of the first, passes
         the target."""
         c = LightChoice()
@@ -170,7 +172,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         return c
 
     @wp.func
-    def choose_in_place(scene: SceneView, r: Receiver, place: int, chosen: LeafChoice) -> LeafChoice:
+    def choose_in_place(scene: SceneView, r: wp.ref[Receiver], place: int, chosen: LeafChoice) -> LeafChoice:
         """One of the emitters of the place that was chosen."""
         local = receiver_in_place(scene, r, scene.emitter_places[place].instance)
         root = scene.emitter_places[place].root
@@ -180,7 +182,7 @@ def make_choice(features: Features) -> SimpleNamespace:
         return leaf
 
     @wp.func
-    def choose_from_tree(scene: SceneView, r: Receiver, of_root: vec8f, u: float) -> LightChoice:
+    def choose_from_tree(scene: SceneView, r: wp.ref[Receiver], of_root: vec8f, u: float) -> LightChoice:
         """One of the lights in the tree; of_root: importances of the root's children."""
         leaf = tree.choose_leaf(scene.light_tree, r, of_root, u)
         c = LightChoice()

@@ -94,7 +94,7 @@ def make_control(features: Features) -> SimpleNamespace:
         return intersect.prim_of(scene, hit)
 
     @wp.func
-    def factor(scene: SceneView, index: int, r: Receiver, wi: wp.vec3) -> wp.vec3:
+    def factor(scene: SceneView, index: int, r: wp.ref[Receiver], wi: wp.vec3) -> wp.vec3:
         """Share of the light's radiance that it sends to r, against wi. index: row of SceneView.controls."""
         share = wp.vec3(1.0, 1.0, 1.0)
         if index >= scene.controls.shape[0]:

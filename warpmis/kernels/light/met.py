@@ -9,7 +9,7 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.func
-def keep_emission(scene: SceneView, r: Receiver, light: int, emission: wp.vec3, diffuse: wp.vec3):
+def keep_emission(scene: SceneView, r: wp.ref[Receiver], light: int, emission: wp.vec3, diffuse: wp.vec3):
     """diffuse: the share of it that the receiver scatters diffusely, per colour; light: row of AovView.groups."""
     at = 2 * (r.place * scene.aov[0].group_count + scene.aov[0].groups[light])
     scene.aov[0].on_ray[at] = scene.aov[0].on_ray[at] + emission

@@ -70,7 +70,13 @@ def make_on_ray(
 
     @wp.func
     def emitter_density(
-        scene: SceneView, r: Receiver, emitter: int, instance: int, normal: wp.vec3, wi: wp.vec3, distance: float
+        scene: SceneView,
+        r: wp.ref[Receiver],
+        emitter: int,
+        instance: int,
+        normal: wp.vec3,
+        wi: wp.vec3,
+        distance: float,
     ) -> float:
         """Density times importance of a mesh light's triangle for wi, which meets it at this distance."""
         light = scene.lights[places.light_of(scene, emitter, instance)]
@@ -82,7 +88,7 @@ def make_on_ray(
         return pdf_mesh(light, light.area, normal, wi, distance) * choice.importance(scene, light, r)
 
     @wp.func
-    def density_if_met(scene: SceneView, r: Receiver, emitter: int, instance: int, wi: wp.vec3) -> float:
+    def density_if_met(scene: SceneView, r: wp.ref[Receiver], emitter: int, instance: int, wi: wp.vec3) -> float:
         """The same of a triangle wherever the line meets it; 0 where it does not."""
         found = places.emitter_at(scene, emitter, instance)
         distance = hit_emitter_triangle(found, r.x, wi)
@@ -91,7 +97,7 @@ def make_on_ray(
         return emitter_density(scene, r, emitter, instance, found.n, wi, distance)
 
     @wp.func
-    def pdf_emitters_of_places(scene: SceneView, r: Receiver, wi: wp.vec3) -> float:
+    def pdf_emitters_of_places(scene: SceneView, r: wp.ref[Receiver], wi: wp.vec3) -> float:
         """pdf_emitter_triangles of prototypes' triangles in their places."""
         pdf = float(0.0)
         if scene.emitter_place_bvh == wp.uint64(0):
@@ -108,7 +114,7 @@ def make_on_ray(
         return pdf
 
     @wp.func
-    def pdf_emitter_triangles(scene: SceneView, r: Receiver, wi: wp.vec3) -> float:
+    def pdf_emitter_triangles(scene: SceneView, r: wp.ref[Receiver], wi: wp.vec3) -> float:
         """Density times importance of the mesh lights for wi: every triangle on the line counts, hidden or not."""
         pdf = float(0.0)
         if wp.static(features.emissive_instances):
@@ -122,7 +128,7 @@ def make_on_ray(
         return pdf
 
     @wp.func
-    def dome_hit(scene: SceneView, r: Receiver, wi: wp.vec3, h: LightHit) -> LightHit:
+    def dome_hit(scene: SceneView, r: wp.ref[Receiver], wi: wp.vec3, h: LightHit) -> LightHit:
         if wp.static(features.dome_picture):
             if scene.dome.rows > 0:
                 h.distance = INFINITE_DISTANCE
@@ -135,7 +141,7 @@ def make_on_ray(
 
     @wp.func
     def with_light(
-        scene: SceneView, r: Receiver, stretch: RayStretch, index: int, h: LightHit, ray: LightsOnRay
+        scene: SceneView, r: wp.ref[Receiver], stretch: RayStretch, index: int, h: LightHit, ray: LightsOnRay
     ) -> LightsOnRay:
         """The ray's light with that of one more light, which its line meets there."""
         wi = stretch.wi
@@ -181,7 +187,7 @@ def make_on_ray(
         return ray
 
     @wp.func
-    def drawn_or(r: Receiver, index: int, h: LightHit) -> LightHit:
+    def drawn_or(r: wp.ref[Receiver], index: int, h: LightHit) -> LightHit:
         """What was drawn counts as hit where it was drawn, whatever a test of the rounded direction finds."""
         if r.drawn_pdf > 0.0 and r.drawn == index:
             h.distance = r.drawn_distance
@@ -190,7 +196,7 @@ def make_on_ray(
 
     @wp.func
     def with_leaf(
-        scene: SceneView, r: Receiver, stretch: RayStretch, index: int, drawn: int, ray: LightsOnRay
+        scene: SceneView, r: wp.ref[Receiver], stretch: RayStretch, index: int, drawn: int, ray: LightsOnRay
     ) -> LightsOnRay:
         """The ray's light with that of an analytic light whose box it meets; `drawn` is in it already."""
         if index == drawn:
@@ -202,7 +208,7 @@ def make_on_ray(
 
     @wp.func
     def gather_from_nodes(
-        scene: SceneView, r: Receiver, stretch: RayStretch, reach: float, drawn: int, ray: LightsOnRay
+        scene: SceneView, r: wp.ref[Receiver], stretch: RayStretch, reach: float, drawn: int, ray: LightsOnRay
     ) -> LightsOnRay:
         """with_leaf of all leaves nearer than `reach`, through the nodes by which lights are chosen."""
         slab = slab_ray(r.x, stretch.wi)
@@ -231,7 +237,7 @@ def make_on_ray(
 
     @wp.func
     def gather_from_bvh(
-        scene: SceneView, r: Receiver, stretch: RayStretch, reach: float, drawn: int, ray: LightsOnRay
+        scene: SceneView, r: wp.ref[Receiver], stretch: RayStretch, reach: float, drawn: int, ray: LightsOnRay
     ) -> LightsOnRay:
         """The same through Warp's own tree, for a GPU."""
         query = wp.bvh_query_ray(scene.light_bvh, r.x, stretch.wi)
@@ -241,7 +247,7 @@ def make_on_ray(
         return ray
 
     @wp.func
-    def gather_from_tree(scene: SceneView, r: Receiver, stretch: RayStretch, ray: LightsOnRay) -> LightsOnRay:
+    def gather_from_tree(scene: SceneView, r: wp.ref[Receiver], stretch: RayStretch, ray: LightsOnRay) -> LightsOnRay:
         """The ray's light with that of the analytic lights in the tree."""
         drawn = int(NO_LIGHT)
         if r.drawn_pdf > 0.0 and r.drawn < scene.analytic_light_count:

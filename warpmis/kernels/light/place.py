@@ -41,7 +41,7 @@ def first_place_leaf(scene: SceneView) -> int:
 
 
 @wp.func
-def receiver_in_place(scene: SceneView, r: Receiver, instance: int) -> Receiver:
+def receiver_in_place(scene: SceneView, r: wp.ref[Receiver], instance: int) -> Receiver:
     """The receiver in the space of the instance's prototype, as far as light trees ask for it."""
     place = scene.instances[instance]
     local = r

@@ -29,7 +29,7 @@ def make_lights(features: Features) -> SimpleNamespace:
     on_ray = make_on_ray(features, chooser, kinds, control)
 
     @wp.func
-    def sample_chosen(scene: SceneView, r: Receiver, c: LightChoice, total: float, u: wp.vec4) -> LightSample:
+    def sample_chosen(scene: SceneView, r: wp.ref[Receiver], c: LightChoice, total: float, u: wp.vec4) -> LightSample:
         """A direction towards the light that was chosen among importances that sum to `total`, which the density holds;
         none if no light was."""
         s = LightSample()
@@ -41,7 +41,7 @@ def make_lights(features: Features) -> SimpleNamespace:
         return s
 
     @wp.func
-    def sample(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
+    def sample(scene: SceneView, r: wp.ref[Receiver], u: wp.vec4) -> LightSample:
         """A direction towards the receiver's light. u[0] made that choice, in a tree with u[1] as the last digits."""
         v = u
         if chooser.has_tree(scene):
@@ -49,7 +49,7 @@ def make_lights(features: Features) -> SimpleNamespace:
         return sample_chosen(scene, r, r.choice, r.total, v)
 
     @wp.func
-    def sample_finite(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
+    def sample_finite(scene: SceneView, r: wp.ref[Receiver], u: wp.vec4) -> LightSample:
         """The same among the lights at a distance; u[0] chooses one and, remapped, stands in for u[1]."""
         choice = LightChoice()
         if chooser.has_tree(scene):
@@ -61,7 +61,7 @@ def make_lights(features: Features) -> SimpleNamespace:
         return sample_chosen(scene, r, choice, r.finite, wp.vec4(u[0], choice.u_remapped, u[2], u[3]))
 
     @wp.func
-    def sample_infinite(scene: SceneView, r: Receiver, u: wp.vec4) -> LightSample:
+    def sample_infinite(scene: SceneView, r: wp.ref[Receiver], u: wp.vec4) -> LightSample:
         """The same among the lights at infinity."""
         choice = chooser.choose(scene, r, scene.finite_light_count, scene.light_count, 0.0, u[0] * r.infinite)
         return sample_chosen(scene, r, choice, r.infinite, wp.vec4(u[0], choice.u_remapped, u[2], u[3]))

@@ -124,8 +124,10 @@ def emitted(tree: LightTreeView, row: int, middle: vec8f, inverse: vec8f) -> vec
 
 
 @wp.func
-def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) -> vec8f:
-    """Estimated irradiances [luminance nit sr] of a node's children at x with unit normal n facing the viewer."""
+def children_importance(tree: LightTreeView, node: int, r: wp.ref[Receiver], asks_response: bool) -> vec8f:
+    """Estimated irradiances [luminance nit sr] of a node's children at r, times its response if that is asked for."""
+    x = r.x
+    n = r.n
     row = node * ROWS
     one = splat8(1.0)
     zero = splat8(0.0)
@@ -154,36 +156,22 @@ def children_importance(tree: LightTreeView, node: int, x: wp.vec3, n: wp.vec3) 
         brought = wp.cw_mul(brought, emitted(tree, row, middle, inverse))
         seen = seen_under(tree, row, middle, max8(dots(dx, dy, dz, dx, dy, dz), splat8(TINY)))
         above = wp.cw_mul(above, seen)
-    return at_least(zero, above, zero, min8(max8(brought, tree.rows[row + LEAST]), splat8(MOST)))
-
-
-@wp.func
-def children_response(tree: LightTreeView, node: int, r: Receiver) -> vec8f:
-    """What the receiver makes of light from each child, at least 1."""
-    row = node * ROWS
-    one = splat8(1.0)
-    mx = tree.rows[row + MEAN] - one * r.x[0]
-    my = tree.rows[row + MEAN + 1] - one * r.x[1]
-    mz = tree.rows[row + MEAN + 2] - one * r.x[2]
-    radius2 = tree.rows[row + RADIUS2]
-    square = wp.cw_div(one, max8(dots(mx, my, mz, mx, my, mz) + radius2, splat8(TINY)))
-    inverse = square_roots(square)
-    extent2 = wp.cw_mul(radius2, square)
-    return towards_eight(
-        r.response, r.n, wp.cw_mul(mx, inverse), wp.cw_mul(my, inverse), wp.cw_mul(mz, inverse), extent2
-    )
+    brought = max8(brought, tree.rows[row + LEAST])
+    if asks_response:
+        if is_glossy(r.response):
+            extent2 = wp.cw_mul(radius2, square)
+            wx, wy, wz = wp.cw_mul(mx, inverse), wp.cw_mul(my, inverse), wp.cw_mul(mz, inverse)
+            brought = wp.cw_mul(brought, towards_eight(r.response, n, wx, wy, wz, extent2))
+    return at_least(zero, above, zero, min8(brought, splat8(MOST)))
 
 
 def make_light_tree(features: Features) -> SimpleNamespace:
     """Functions of the tree: importances, choose_leaf, leaf_pmf; and of a part of it: descend, leaf_pmf_below."""
 
     @wp.func
-    def importances(tree: LightTreeView, node: int, r: Receiver) -> vec8f:
+    def importances(tree: LightTreeView, node: int, r: wp.ref[Receiver]) -> vec8f:
         """Of the node's children; 0 for those whose lights do not reach the receiver's prim."""
-        found = children_importance(tree, node, r.x, r.n)
-        if wp.static(features.glossy_choice):
-            if is_glossy(r.response):
-                found = min8(wp.cw_mul(found, children_response(tree, node, r)), splat8(MOST))
+        found = children_importance(tree, node, r, wp.static(features.glossy_choice))
         if wp.static(features.light_links):
             for i in range(8):
                 if (tree.links[8 * node + i] & r.links) == 0:
@@ -194,7 +182,7 @@ def make_light_tree(features: Features) -> SimpleNamespace:
         return found
 
     @wp.func
-    def descend(tree: LightTreeView, r: Receiver, root: int, of_root: vec8f, u: wp.float64) -> LeafChoice:
+    def descend(tree: LightTreeView, r: wp.ref[Receiver], root: int, of_root: vec8f, u: wp.float64) -> LeafChoice:
         """A leaf below the node `root` by the number u; of_root: importances of its children, some above 0."""
         c = LeafChoice()
         c.pmf = 1.0
@@ -214,7 +202,7 @@ def make_light_tree(features: Features) -> SimpleNamespace:
         return c
 
     @wp.func
-    def choose_leaf(tree: LightTreeView, r: Receiver, of_root: vec8f, u: float) -> LeafChoice:
+    def choose_leaf(tree: LightTreeView, r: wp.ref[Receiver], of_root: vec8f, u: float) -> LeafChoice:
         """A light by the number u, whose last digits, which many turns use up, come from r.u_fine; leaf -1 where none
         brings anything. of_root: importances of the root's children."""
         if not any_above(of_root, 0.0):
@@ -226,7 +214,7 @@ def make_light_tree(features: Features) -> SimpleNamespace:
         return descend(tree, r, 0, of_root, left)
 
     @wp.func
-    def leaf_pmf_below(tree: LightTreeView, r: Receiver, root: int, leaf: int) -> float:
+    def leaf_pmf_below(tree: LightTreeView, r: wp.ref[Receiver], root: int, leaf: int) -> float:
         """The probability with which `descend` takes the leaf."""
         pmf = float(1.0)
         path = tree.paths[leaf]
@@ -242,7 +230,7 @@ def make_light_tree(features: Features) -> SimpleNamespace:
         return pmf
 
     @wp.func
-    def leaf_pmf(tree: LightTreeView, r: Receiver, leaf: int) -> float:
+    def leaf_pmf(tree: LightTreeView, r: wp.ref[Receiver], leaf: int) -> float:
         """The probability with which choose_leaf takes the leaf."""
         return leaf_pmf_below(tree, r, 0, leaf)
 

@@ -12,6 +12,7 @@ from warpmis.kernels.light.records import Response
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import Frame, to_world
 from warpmis.scene.features import Features
+from warpmis.scene.material import MATTE_ALPHA
 
 wp.set_module_options({"enable_backward": False})
 
@@ -22,10 +23,16 @@ def response_of(surface: Surface, frame: Frame) -> Response:
     response = Response()
     response.wo = to_world(frame, surface.wo)
     response.matte = surface.p_diffuse
-    response.gloss = surface.p_specular
     response.alpha2 = surface.alpha * surface.alpha
-    response.coat = surface.p_coat
     response.coat_alpha2 = surface.coat_alpha * surface.coat_alpha
+    if surface.alpha < wp.static(MATTE_ALPHA):
+        response.gloss = surface.p_specular
+    else:
+        response.matte += surface.p_specular
+    if surface.coat_alpha < wp.static(MATTE_ALPHA):
+        response.coat = surface.p_coat
+    else:
+        response.matte += surface.p_coat
     return response
 
 
