@@ -29,7 +29,7 @@ ALLOWED: dict[str, set[str]] = {
     "film": {"errors"},
     "device": {"scene", "film", "errors"},
     "kernels": {
-        *("scene.features", "device.kernel_factory", "device.aov_views", "device.cache_views"),
+        *("scene.features", "scene.material", "device.kernel_factory", "device.aov_views", "device.cache_views"),
         *("device.instance_views", "device.texel_views", "device.views"),
     },
     "cache": {"device.cache_views", "device.struct_arrays", "film.metrics", "kernels", "learn.newton_simplex"},

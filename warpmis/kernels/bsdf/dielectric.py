@@ -11,12 +11,13 @@ import warp as wp
 
 from warpmis.device.views import MaterialView
 from warpmis.kernels.bsdf.microfacet import SMOOTH_ALPHA, ggx_d, sample_visible_normal, smith_g1
+from warpmis.scene import material as scene_material
 
 wp.set_module_options({"enable_backward": False})
 
 # Light samples are taken where facets are as rough and rays are bent as much: else what is refracted goes straight on
 # or nearly so, which no light sample would find, and which float32 cannot tell the facet of.
-ROUGH_ALPHA = wp.constant(0.02)
+ROUGH_ALPHA = wp.constant(scene_material.ROUGH_ALPHA)
 LEAST_BEND = wp.constant(0.05)
 
 

@@ -8,11 +8,12 @@ Normals with Spherical Caps".
 import warp as wp
 
 from warpmis.kernels.warps import INV_PI, PI
+from warpmis.scene import material
 
 wp.set_module_options({"enable_backward": False})
 
 # Below it a lobe is a mirror (scene/material.py).
-SMOOTH_ALPHA = wp.constant(1.0e-3)
+SMOOTH_ALPHA = wp.constant(material.SMOOTH_ALPHA)
 
 
 @wp.func
