@@ -163,7 +163,7 @@ LIGHT_CASES = [
     HardCase(
         "rect-light-1e-6-of-its-distance",
         trouble="the determinant of the half edges, a fourth power of their length, underflows with the scene's scale",
-        remedy="dual vectors made in float64 (device/lights.py: flat_record); " + DRAWN,
+        remedy="dual vectors made in float64 (device/light.py: flat_record); " + DRAWN,
         build=lit(light("RectLight", at=ASIDE, rotate=DOWN, width=1e-6, height=1e-6, intensity=1.0, normalize=True)),
         mean=scattered(COS_ASIDE**2),
     ),
@@ -207,7 +207,7 @@ LIGHT_CASES = [
     HardCase(
         "light-of-intensity-0",
         trouble="importance 0 / 0 in the choice among lights",
-        remedy="a light that emits nothing is none (usd/light.py: read_emission)",
+        remedy="a light that emits nothing is none (usd/lights/light.py: read_emission)",
         build=lit(light("SphereLight", radius=0.1, intensity=0.0)),
         mean=grey(0.0),
         learns=False,
@@ -215,7 +215,7 @@ LIGHT_CASES = [
     HardCase(
         "light-of-intensity-1e-30",
         trouble="importance, luminance times solid angle times cosine, leaves float32's range: a share of 0 / 0",
-        remedy="luminance relative to the brightest light's (device/lights.py: make_luminance_relative)",
+        remedy="luminance relative to the brightest light's (device/light.py: make_luminance_relative)",
         build=lit(light("SphereLight", radius=1e-3, intensity=1e-30)),
         mean=scattered(math.pi * 1e-36),
     ),
@@ -229,7 +229,7 @@ LIGHT_CASES = [
     HardCase(
         "light-of-intensity-1e+30",
         trouble="its variance overflows the picture's float32",
-        remedy="refused with a warning: radiance above 1e18 (usd/light.py)",
+        remedy="refused with a warning: radiance above 1e18 (usd/lights/light.py)",
         build=lit(light("SphereLight", radius=0.1, intensity=1e30)),
         mean=grey(0.0),
         learns=False,
@@ -237,7 +237,7 @@ LIGHT_CASES = [
     HardCase(
         "light-of-radiance-beyond-float32",
         trouble="intensity over area is infinite in float32",
-        remedy="refused with a warning: radiance above 1e30 (usd/light.py: is_in_range)",
+        remedy="refused with a warning: radiance above 1e30 (usd/lights/light.py: is_in_range)",
         build=lit(light("SphereLight", radius=1e-10, intensity=1e17, normalize=True)),
         mean=grey(0.0),
         learns=False,
