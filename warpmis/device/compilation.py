@@ -78,11 +78,6 @@ class Compiler:
                 self.loads[kernel.module] = _load_of(kernel, self.device, self.is_cpu)
         return [self.loads[kernel.module].future for kernel in kernels]
 
-    def compiles(self, kernel: wp.Kernel) -> bool:
-        """Whether the kernel was begun, was not in the cache, and is not ready yet."""
-        load = self.loads[kernel.module]
-        return not load.found and not load.future.done()
-
     def wait(self, kernels: Sequence[wp.Kernel]) -> None:
         """Until the kernels can be launched. Ctrl-C ends the wait, not the compiler.
 
