@@ -65,7 +65,8 @@ class Probe:
 
 @wp.func
 def some_response(n: wp.vec3, k: int) -> Response:
-    """That of a matte receiver for even k; for others with lobes of any width, seen from anywhere above the surface."""
+    """That of a matte receiver for even k; for others with lobes of any width, seen from anywhere above the surface.
+    Every second of these has no coat, and is seen from right above."""
     response = Response()
     if k % 2 == 1:
         key = rng.RngKey()
@@ -78,6 +79,10 @@ def some_response(n: wp.vec3, k: int) -> Response:
         response.alpha2 = wp.pow(10.0, -6.0 * v[0])
         response.coat = 0.2
         response.coat_alpha2 = wp.pow(10.0, -6.0 * v[1])
+        if k % 4 == 3:
+            response.wo = n
+            response.coat = 0.0
+            response.coat_alpha2 = 0.0
     return response
 
 

@@ -165,6 +165,19 @@ def test_leaves_are_chosen_with_their_probability(count: int, which: int) -> Non
     np.testing.assert_allclose(pmfs.numpy(), pmf[which][chosen], rtol=1e-5)
 
 
+def test_a_light_right_in_the_mirrors_direction() -> None:
+    """Lights without extent in the direction in which the receiver is seen: of a lobe without width there is no 0 / 0,
+    and the nearer ones are likelier."""
+    points = [SphereLight(f"/p{k}", np.array([0.0, 0.0, 1.0 + k]), 1e-3, np.ones(3)) for k in range(9)]
+    scene = by_tree(make_scene(*points))
+    xs, ns = np.tile([0.0, 0.0, -2.0], (8, 1)), np.tile([0.0, 0.0, 1.0], (8, 1))
+    total, pmf, _ = asked(scene, 9, xs, ns, np.zeros(8))
+    assert np.isfinite(total).all() and (total < 1.0).all()
+    np.testing.assert_allclose(pmf.sum(axis=1), 1.0, atol=1e-5)
+    ratio = pmf[3, 0] / pmf[3]  # the fourth receiver has a lobe, and no coat
+    assert (ratio > 0.0).all() and ratio[-1] == pytest.approx((11.0 / 3.0) ** 2, rel=0.5)
+
+
 def test_probabilities_sum_to_one() -> None:
     random = np.random.default_rng(5)
     for seed in range(8):

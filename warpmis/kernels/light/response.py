@@ -27,6 +27,8 @@ STRENGTH = wp.constant(50.0)
 WIDENING = wp.constant(1.0)
 # Squared length of wo + wi below which it says nothing.
 SHORTEST = wp.constant(0.04)
+# No lobe counts as narrower, in squared roughness: one of 0, as of an absent coat, would be 0 / 0 in its own direction.
+NARROWEST = wp.constant(1.0e-6)
 
 
 @wp.func
@@ -46,7 +48,7 @@ def lobe_towards(weight: float, alpha2: float, cos2: float, h2: float) -> float:
 
     h2: squared length of the half vector; cos2: the same times the squared cosine to the normal.
     """
-    a2 = wp.min(alpha2, 1.0)
+    a2 = wp.clamp(alpha2, NARROWEST, 1.0)
     s = h2 - (1.0 - a2) * cos2
     return weight * a2 * h2 / (s * s)
 
@@ -79,9 +81,11 @@ def towards(r: Response, n: wp.vec3, wi: wp.vec3, extent2: float) -> float:
         float cos2 = cosine * cosine;
         cos2 = cos2 < h2 ? cos2 : h2;
         float a2 = lobes[1] + widened[i];
+        a2 = a2 > narrowest ? a2 : narrowest;
         a2 = a2 < 1.0f ? a2 : 1.0f;
         float s = h2 - (1.0f - a2) * cos2;
         float coat_a2 = lobes[3] + widened[i];
+        coat_a2 = coat_a2 > narrowest ? coat_a2 : narrowest;
         coat_a2 = coat_a2 < 1.0f ? coat_a2 : 1.0f;
         float coat_s = h2 - (1.0f - coat_a2) * cos2;
         reflected[i] = h2 * (lobes[0] * a2 / (s * s) + lobes[2] * coat_a2 / (coat_s * coat_s));
@@ -89,7 +93,15 @@ def towards(r: Response, n: wp.vec3, wi: wp.vec3, extent2: float) -> float:
     return reflected;
 """)
 def both_lobes_towards(
-    wo: wp.vec3, n: wp.vec3, x: vec8f, y: vec8f, z: vec8f, lobes: wp.vec4, widened: vec8f, shortest: float
+    wo: wp.vec3,
+    n: wp.vec3,
+    x: vec8f,
+    y: vec8f,
+    z: vec8f,
+    lobes: wp.vec4,
+    widened: vec8f,
+    shortest: float,
+    narrowest: float,
 ) -> vec8f:
     """The sum of two of lobe_towards, in a loop that the compiler turns into one for a CPU's SIMD registers; lobes:
     weight and squared roughness of each."""
@@ -100,5 +112,5 @@ def both_lobes_towards(
 def towards_eight(r: Response, n: wp.vec3, x: vec8f, y: vec8f, z: vec8f, extent2: vec8f) -> vec8f:
     """For eight groups of lights in the directions (x, y, z), which are shorter than 1 for groups all around."""
     lobes = wp.vec4(r.gloss, r.alpha2, r.coat, r.coat_alpha2)
-    reflected = both_lobes_towards(r.wo, n, x, y, z, lobes, extent2 * WIDENING, SHORTEST)
+    reflected = both_lobes_towards(r.wo, n, x, y, z, lobes, extent2 * WIDENING, SHORTEST, NARROWEST)
     return splat8(1.0 + STRENGTH * r.matte) + reflected * STRENGTH
