@@ -156,13 +156,13 @@ def children_importance(tree: LightTreeView, node: int, r: wp.ref[Receiver], ask
         brought = wp.cw_mul(brought, emitted(tree, row, middle, inverse))
         seen = seen_under(tree, row, middle, max8(dots(dx, dy, dz, dx, dy, dz), splat8(TINY)))
         above = wp.cw_mul(above, seen)
-    brought = max8(brought, tree.rows[row + LEAST])
     if asks_response:
         if is_glossy(r.response):
             extent2 = wp.cw_mul(radius2, square)
             wx, wy, wz = wp.cw_mul(mx, inverse), wp.cw_mul(my, inverse), wp.cw_mul(mz, inverse)
             brought = wp.cw_mul(brought, towards_eight(r.response, n, wx, wy, wz, extent2))
-    return at_least(zero, above, zero, min8(brought, splat8(MOST)))
+    # In this order, what is no number counts as least.
+    return at_least(zero, above, zero, min8(max8(brought, tree.rows[row + LEAST]), splat8(MOST)))
 
 
 def make_light_tree(features: Features) -> SimpleNamespace:
