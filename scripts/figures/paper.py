@@ -1,6 +1,6 @@
 """Figures 1 to 4 of Murray et al. (2020) from our scenes, and their numbers as a table:
 
-    python scripts/figures/paper.py OUT [--figure 1 ...] [--height 120] [--spp 1280] [--learn-spp 64]
+    python scripts/figures/paper.py OUT [--figure 1 ...] [--height 120] [--spp 1280] [--learn-spp 64] [--zoom 1]
 
 The paper has 32768 samples per pixel, 256 of them in each learn round (512 in figure 1): --spp 32768 --learn-spp 256.
 Like there, samples are independent of each other, and the strategy of each is drawn at random.
@@ -150,6 +150,7 @@ def main() -> None:
     parser.add_argument("--height", type=int, default=120)
     parser.add_argument("--spp", type=int, default=1280)
     parser.add_argument("--learn-spp", type=int, default=64)
+    parser.add_argument("--zoom", type=int, default=1, help="how large a pixel is shown, for small pictures")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     table = ["| figure | scene | method | efficiency over equal shares |", "|---|---|---|---|"]
@@ -159,7 +160,8 @@ def main() -> None:
             pictures, lines = row(number, name, arguments)
             rows.append(pictures)
             table += lines
-        write_display_png(arguments.out / f"figure{number}.png", joined(rows, axis=0))
+        figure = joined(rows, axis=0).repeat(arguments.zoom, axis=0).repeat(arguments.zoom, axis=1)
+        write_display_png(arguments.out / f"figure{number}.png", figure)
     (arguments.out / "figures.md").write_text("\n".join(table) + "\n", encoding="utf-8")
 
 
