@@ -95,7 +95,7 @@ def check(name: str, chosen: list[Subset], spp: int = SPP) -> None:
 def test_mixtures_agree_where_a_light_is_hidden() -> None:
     """The small version: each strategy alone or with one other, and some larger mixtures."""
     few = [s for s in subsets() if len(s) == 1 or len(s) > 3 or (len(s) == 2 and "cosine" in s)]
-    check("hidden_light", few)
+    check("hidden_light", few, spp=96)
 
 
 @pytest.mark.slow

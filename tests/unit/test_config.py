@@ -215,15 +215,16 @@ def test_a_cache_plans_its_own_rounds() -> None:
         ("lpg13", {"learn": LearnConfig(rounds=2)}, "method 'lpg13' has 1 learn round; drop the number of rounds"),
         ("lpg13", {"strategies": STRATEGIES}, "for two strategies; take pooled for 8"),
         ("sbert19", {"strategies": ("bsdf", "light", "uniform")}, "for two strategies; take pooled for 3"),
-        ("auto", {"strategies": ("bsdf", "dome")}, "for the strategies bsdf,light; take pooled for others"),
-        ("auto", {"strategies": ("light", "bsdf")}, "for the strategies bsdf,light; take pooled for others"),
+        ("auto", {"strategies": ("bsdf", "dome")}, "for the strategies bsdf,light; take cells for others"),
+        ("auto", {"strategies": ("light", "bsdf")}, "for the strategies bsdf,light; take cells for others"),
+        ("murray20", {"strategies": ("bsdf", "guide")}, "has no strategy 'guide': take method cells, or drop it"),
     ],
 )
 def test_rejects_what_a_method_is_not_made_for(method: str, settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError) as error:
         RenderConfig(spp=1024, method=method, **settings)
     assert message in str(error.value)
-    RenderConfig(spp=1024, method="murray20", **settings)
+    RenderConfig(spp=1024, method="cells" if "cells" in message else "murray20", **settings)
 
 
 # ---- as plain values ------------------------------------------------------------------------------------------------
