@@ -209,6 +209,14 @@ def test_a_cache_plans_its_own_rounds() -> None:
             RenderConfig(method="guided", learn=LearnConfig(**learn))
 
 
+@pytest.mark.parametrize("strategies", [("guide",), ("light", "guide")])
+def test_a_guide_alone_does_not_reach_every_path(strategies: tuple[str, ...]) -> None:
+    """Its density is tiny where nothing was seen: means of a few pictures would be wrong more often than right."""
+    with pytest.raises(ConfigError, match="find no indirect light: add bsdf"):
+        RenderConfig(method="cells", strategies=strategies)
+    RenderConfig(method="cells", strategies=("bsdf", *strategies))
+
+
 @pytest.mark.parametrize(
     ("method", "settings", "message"),
     [
