@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.cache.cell_moments import DECAY, CellMoments, worths
-from warpmis.cache.cell_shares import CellShares
+from warpmis.cache.cell_shares import CellShares, Launch
 from warpmis.cache.cells import CellTree, IntArray
 from warpmis.cache.directions import guide_densities, pyramid
 from warpmis.device.cache_views import GUIDE_BINS, CacheView, CellTreeView, CellView, VertexRecord
@@ -18,7 +17,6 @@ from warpmis.device.struct_arrays import records
 from warpmis.kernels.cache.lookup import make_locate
 
 FloatArray = NDArray[np.float64]
-Launch = Callable[[wp.Kernel, int, list[Any]], None]
 
 BINS = GUIDE_BINS * GUIDE_BINS
 # The tree is refined by about this many records; the sums are of all.
@@ -27,7 +25,7 @@ TREE_RECORDS = 16_000
 COLUMNS = ("tail", "light", "cost", "radiance", "jacobian")
 
 # What a state holds of the cache, beside its moments, and of its tree.
-LEARNED = ("rounds", "tail_worth", "light_worth", "histogram", "densities")
+LEARNED = ("tail_worth", "light_worth", "histogram", "densities")
 TREE = ("axis", "child", "split", "leaf_of")
 SHARES = ("shares", "count", "sums")
 # Strategies that draw more or less by the cosine, as the guide does where it knows nothing.
@@ -44,7 +42,6 @@ class SpatialCache:
         """extent: the longest side of the scene's box [scene units]; strategies: what draws directions."""
         self.device = device
         self.tree = CellTree(extent)
-        self.rounds = 0
         self.sharing = CellShares(strategies, device)
         self.tail_worth: FloatArray = np.ones(1)
         self.light_worth: FloatArray = np.ones(1)
@@ -77,7 +74,6 @@ class SpatialCache:
         # What sampling of lights finds need not be looked for by the guide.
         radiance = columns["radiance"] * (1.0 - self.sharing.found_by_lights(cells, by_ratio))
         self.histogram += np.bincount(bins, radiance**2 * columns["jacobian"], self.cells * BINS).reshape(-1, BINS)
-        self.rounds += 1
         self.sharing.learn(cells, columns["tail"], by_ratio, launch)
         self.densities = guide_densities(self.histogram, self.sharing.share_of(*BY_COSINE))
         self.tail_worth, self.light_worth = worths(self.moments)

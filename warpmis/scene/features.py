@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Material, RectLight, Scene, SphereLight
 from warpmis.scene.light_control import LightControl
@@ -169,9 +170,14 @@ def has_point_tree(scene: Scene) -> bool:
     return sum(is_delta(light) and not isinstance(light, DistantLight) for light in scene.lights) > FEW_LIGHTS
 
 
+def emissive_materials(scene: Scene) -> NDArray[np.bool_]:
+    """Whether each material emits, shape (materials,); one that does not where there is none."""
+    return np.array([is_emissive(material) for material in scene.materials] or [False])
+
+
 def has_emissive_instances(scene: Scene) -> bool:
     """Whether triangles of prototypes emit."""
-    emits = np.array([is_emissive(material) for material in scene.materials] or [False])
+    emits = emissive_materials(scene)
     return any(bool(emits[prototype.geometry.materials].any()) for prototype in scene.prototypes)
 
 
@@ -180,7 +186,7 @@ def has_light_tree(scene: Scene) -> bool:
     prototypes are never weighed one by one."""
     if has_emissive_instances(scene):
         return True
-    emits = np.array([is_emissive(material) for material in scene.materials] or [False])
+    emits = emissive_materials(scene)
     triangles = int(emits[scene.geometry.materials].sum()) if len(scene.geometry.materials) else 0
     at_infinity = DistantLight | DomeLight
     analytic = sum(not is_delta(light) and not isinstance(light, at_infinity) for light in scene.lights)
@@ -191,9 +197,10 @@ def has_several_lights(scene: Scene) -> bool:
     """Whether one of them has to be chosen."""
     if has_light_tree(scene):
         return True
-    emits = np.array([is_emissive(material) for material in scene.materials] or [False])
-    glowing = scene.geometry.prims[emits[scene.geometry.materials]] if len(scene.geometry.materials) else []
-    return len(scene.lights) + len(np.unique(glowing)) > 1
+    emits = emissive_materials(scene)
+    materials = scene.geometry.materials
+    glowing = len(np.unique(scene.geometry.prims[emits[materials]])) if len(materials) else 0
+    return len(scene.lights) + glowing > 1
 
 
 def light_controls(scene: Scene) -> list[LightControl]:

@@ -68,7 +68,7 @@ def make_cell_mixture(
     """The estimator: begin, arrive, scatter, keep_densities, survives, asks_whole_line, weigh_ray."""
     count = strategies.count
     has_guide = "guide" in strategies.names
-    guide = strategies.names.index("guide") if has_guide else -1
+    guide = strategies.index("guide") if has_guide else -1
     no_shares = wp.types.vector(length=1, dtype=wp.float32)
 
     @wp.func

@@ -21,8 +21,8 @@ NO_RECORD = wp.constant(-1)
 
 
 def make_vertex_records(PathState: type, count: int) -> SimpleNamespace:
-    """Functions: begin_path; vertex, direction: at a vertex, before and after its densities are known; end; and the
-    type vec_s, of a number for each of the `count` strategies whose mixture draws directions."""
+    """Functions: begin_path; vertex, direction: at a vertex, before and after its densities are known; end. count:
+    of the strategies whose mixture draws directions."""
     vec_s = wp.types.vector(length=count, dtype=wp.float32)
 
     @wp.func
@@ -96,6 +96,4 @@ def make_vertex_records(PathState: type, count: int) -> SimpleNamespace:
     def emission(path: wp.ref[PathState], radiance: wp.vec3):
         pass
 
-    return SimpleNamespace(
-        begin_path=begin_path, vertex=vertex, direction=direction, end=end, emission=emission, vec_s=vec_s
-    )
+    return SimpleNamespace(begin_path=begin_path, vertex=vertex, direction=direction, end=end, emission=emission)
