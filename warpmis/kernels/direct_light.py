@@ -51,10 +51,9 @@ def make_direct_light(
     surface: SimpleNamespace,
     lights: SimpleNamespace,
     intersect: SimpleNamespace,
-    Vertex: type = Vertex,
 ) -> SimpleNamespace:
     """Functions for one set of effects: from_delta_light; light_sample and shadowed, and both in one as
-    from_light_sample. Vertex: of what `surface` evaluates."""
+    from_light_sample."""
     sample_delta_light = make_delta_light(features, lights.control, lights.tree)
 
     @wp.func

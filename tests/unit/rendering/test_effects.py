@@ -56,7 +56,7 @@ FUNCTIONS = {
     "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
     "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__transparency"),
     "transmission": ("sample_interface", "pane_transmittance"),
-    "rough_transmission": ("evaluate_interface", "make_interface__locals__add_light_samples"),
+    "rough_transmission": ("evaluate_side", "make_interface__locals__add_light_and_choose_side"),
     "absorption": ("make_emission__locals__arriving",),
     "textures": ("picture_value", "footprint", "filtered"),
     "normal_maps": ("make_intersect__locals__apply_normal_map",),
@@ -108,10 +108,10 @@ def test_paths_of_one_bounce_take_no_light_samples_beside_the_mixture(special: s
 
 
 def test_random_numbers_of_absent_effects_are_not_drawn(special: str, universal: str) -> None:
-    """Of a light, a direction, roulette; of delta lights, events, interfaces and the lights of rough ones as well;
+    """Of a light, a direction, roulette; of delta lights, events, interfaces and what a rough one takes as well;
     without indirect light not of roulette."""
     assert draws_in(special) == 3
-    assert draws_in(universal) == 8
+    assert draws_in(universal) == 10
     assert draws_in(source_of(features_of(scenes.room(), replace(BALANCE, max_depth=1)))) == 2
 
 

@@ -1,16 +1,16 @@
 """A dielectric interface: light is reflected at its microfacets or refracted through them, as Fresnel says.
 
 The facets are those of microfacet.py. What is drawn has the weight G1(wi), times the change of radiance when refracted.
-Where the interface is so rough that light samples pay, its density is asked for as well (path/interface.py).
+Where the interface is so rough that light samples pay, it is a vertex like others (rough_interface.py).
 
-References: Walter et al. (2007), "Microfacet Models for Refraction through Rough Surfaces", equations 16, 17, 21, 40;
+References: Walter et al. (2007), "Microfacet Models for Refraction through Rough Surfaces", equations 16, 21, 40;
 Veach (1997), section 5.2, radiance across an interface.
 """
 
 import warp as wp
 
 from warpmis.device.views import MaterialView
-from warpmis.kernels.bsdf.microfacet import SMOOTH_ALPHA, ggx_d, sample_visible_normal, smith_g1
+from warpmis.kernels.bsdf.microfacet import SMOOTH_ALPHA, sample_visible_normal, smith_g1
 from warpmis.scene import material as scene_material
 
 wp.set_module_options({"enable_backward": False})
@@ -28,14 +28,6 @@ class DielectricSample:
     wi: wp.vec3
     weight: wp.vec3
     is_refracted: bool
-
-
-@wp.struct
-class InterfaceScattering:
-    """f_cos: BSDF times cosine, per colour; pdf: density of `sample_interface` [1/sr]."""
-
-    f_cos: wp.vec3
-    pdf: float
 
 
 @wp.func
@@ -120,45 +112,3 @@ def sample_interface(
 def is_rough_interface(material: MaterialView) -> bool:
     """Whether light samples are taken."""
     return material.alpha >= ROUGH_ALPHA and (material.thin_walled or wp.abs(material.ior - 1.0) >= LEAST_BEND)
-
-
-@wp.func
-def facet_between(material: MaterialView, wo: wp.vec3, wi: wp.vec3, eta: float) -> wp.vec3:
-    """The upward facet that sends wo to wi: Walter et al. (2007), equations 13 and 16."""
-    if wi[2] > 0.0:
-        return wp.normalize(wo + wi)
-    if material.thin_walled:
-        return wp.normalize(wo + wp.vec3(wi[0], wi[1], -wi[2]))
-    h = wp.normalize(wo + eta * wi)
-    return wp.where(h[2] < 0.0, -h, h)
-
-
-@wp.func
-def evaluate_interface(material: MaterialView, wo: wp.vec3, wi: wp.vec3, is_front: bool) -> InterfaceScattering:
-    """Of a rough interface, for a local direction on either side. References: Walter et al. (2007), equations 14 and
-    17; Heitz (2018), equation 3, the density of visible normals."""
-    s = InterfaceScattering()
-    eta = wp.where(is_front, material.ior, 1.0 / material.ior)
-    h = facet_between(material, wo, wi, eta)
-    cosine = wp.dot(wo, h)
-    if cosine <= 0.0 or wi[2] == 0.0:
-        return s
-    visible = ggx_d(h, material.alpha) * smith_g1(wo, material.alpha) * cosine / wo[2]
-    reflectance = fresnel_dielectric(cosine, eta)
-    if material.thin_walled:
-        reflectance = fresnel_pane(cosine, material.ior)
-    tint = wp.vec3(1.0, 1.0, 1.0)
-    if wi[2] > 0.0:
-        s.pdf = reflectance * visible / (4.0 * cosine)
-    elif material.thin_walled:
-        s.pdf = (1.0 - reflectance) * visible / (4.0 * cosine)
-        tint = material.tint
-    else:
-        cos_beyond = wp.dot(wi, h)
-        if cos_beyond >= 0.0:
-            return s
-        bent = cosine + eta * cos_beyond
-        s.pdf = (1.0 - reflectance) * visible * eta * eta * -cos_beyond / wp.max(bent * bent, 1.0e-20)
-        tint = material.tint / (eta * eta)
-    s.f_cos = tint * (s.pdf * smith_g1(wi, material.alpha))
-    return s

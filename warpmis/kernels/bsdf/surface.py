@@ -6,7 +6,8 @@ Model: diffuse (Lambert), a GGX lobe with Fresnel F, and a GGX coat with Fresnel
 
 E, E_c: what the lobe and the coat reflect in all; k: what multiple scattering adds (albedo.py). Each layer gets just
 what the one above leaves over, and the diffuse lobe has the shape that a smooth interface gives it. Where a lobe is so
-smooth that it is a mirror it takes no part here: events.py follows it.
+smooth that it is a mirror it takes no part here: events.py follows it. One side of a rough dielectric interface is a
+surface of its own (rough_interface.py).
 """
 
 from types import SimpleNamespace
@@ -24,6 +25,7 @@ from warpmis.kernels.bsdf.microfacet import (
     schlick_scalar,
     smith_g1,
 )
+from warpmis.kernels.bsdf.rough_interface import InterfaceSide, evaluate_side
 from warpmis.kernels.rng import ONE_MINUS_EPSILON
 from warpmis.kernels.shading_frame import luminance
 from warpmis.kernels.warps import INV_PI, square_to_cosine_hemisphere
@@ -38,10 +40,12 @@ ONE = wp.constant(wp.vec3(1.0, 1.0, 1.0))
 class Surface:
     """Scattering for a fixed wo (local, wo[2] > 0): what is left of the lobes and how often each is sampled.
 
+    side: of a rough interface, or none; then of all else alpha alone counts.
     compensation: factor on the specular lobe; below_coat: on all lobes but the coat.
     """
 
     wo: wp.vec3
+    side: InterfaceSide
     diffuse: wp.vec3
     specular_f0: wp.vec3
     compensation: wp.vec3
@@ -68,7 +72,18 @@ class Scattering:
 
 
 def make_surface(features: Features) -> SimpleNamespace:
-    """Surface functions for the lobes in `features`: prepare, evaluate, remapped, sample."""
+    """Surface functions for the lobes in `features`: prepare, on_side, evaluate, remapped, sample."""
+    has_lobes = features.specular or features.rough_transmission
+
+    @wp.func
+    def on_side(side: InterfaceSide, material: MaterialView, wo: wp.vec3) -> Surface:
+        """One side of a rough interface: a single lobe, which counts as specular."""
+        s = Surface()
+        s.wo = wo
+        s.side = side
+        s.alpha = material.alpha
+        s.p_specular = 1.0
+        return s
 
     @wp.func
     def prepare(scene: SceneView, material: MaterialView, wo: wp.vec3) -> Surface:
@@ -116,6 +131,13 @@ def make_surface(features: Features) -> SimpleNamespace:
         e = Scattering()
         if wi[2] <= 0.0:
             return e
+        if wp.static(features.rough_transmission):
+            if s.side.is_present:
+                of_side = evaluate_side(s.side, s.wo, s.alpha, wi)
+                e.f_cos = of_side.f_cos
+                e.pdf_solid_angle = of_side.pdf
+                e.pdf_specular = of_side.pdf
+                return e
         e.f_cos = s.diffuse * (INV_PI * wi[2])
         e.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
         if wp.static(features.splits_lobes):
@@ -151,7 +173,7 @@ def make_surface(features: Features) -> SimpleNamespace:
     def remapped(s: Surface, u: float) -> float:
         """The number that chooses a lobe in `sample`, remapped from that lobe's part to [0, 1)."""
         within = u / wp.max(s.p_diffuse, 1.0e-20)
-        if wp.static(features.specular):
+        if wp.static(has_lobes):
             if u >= s.p_diffuse and s.p_specular + s.p_coat > 0.0:
                 above = u - s.p_diffuse
                 within = above / wp.max(s.p_specular, 1.0e-20)
@@ -162,6 +184,9 @@ def make_surface(features: Features) -> SimpleNamespace:
     @wp.func
     def sample(s: Surface, u: wp.vec4) -> wp.vec3:
         """A local direction; below the surface (wi[2] <= 0) there is no sample. u[0] chooses the lobe."""
+        if wp.static(features.rough_transmission):
+            if s.side.is_present:
+                return s.side.drawn
         wi = wp.vec3(0.0, 0.0, 0.0)
         if u[0] < s.p_diffuse:
             wi = square_to_cosine_hemisphere(u[1], u[2])
@@ -174,4 +199,4 @@ def make_surface(features: Features) -> SimpleNamespace:
                 wi = h * (2.0 * wp.dot(s.wo, h)) - s.wo
         return wi
 
-    return SimpleNamespace(prepare=prepare, remapped=remapped, evaluate=evaluate, sample=sample)
+    return SimpleNamespace(prepare=prepare, on_side=on_side, remapped=remapped, evaluate=evaluate, sample=sample)

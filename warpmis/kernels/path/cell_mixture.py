@@ -63,9 +63,13 @@ def make_cell_estimate(vec_s: type) -> type:
 
 
 def make_cell_mixture(
-    PathState: type, strategies: SimpleNamespace, densities: SimpleNamespace, record: SimpleNamespace
+    PathState: type,
+    strategies: SimpleNamespace,
+    densities: SimpleNamespace,
+    next_event: SimpleNamespace,
+    record: SimpleNamespace,
 ) -> SimpleNamespace:
-    """The estimator: begin, arrive, scatter, keep_densities, survives, asks_whole_line, weigh_ray."""
+    """The estimator, with the functions of `next_event` where it is at an interface."""
     count = strategies.count
     has_guide = "guide" in strategies.names
     guide = strategies.index("guide") if has_guide else -1
@@ -84,7 +88,7 @@ def make_cell_mixture(
         for s in range(wp.static(count)):
             path.estimate.allocation[s] = scene.cache[0].shares[path.estimate.cell * wp.static(count) + s]
         u = path.u_choice
-        if path.has_scattered:
+        if not path.is_first:
             u = rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)[1]
         path.estimate.strategy = strategies.choose(path.estimate.allocation, u)
         path.u_remapped = strategies.remapped(path.estimate.allocation, path.estimate.strategy, u)
@@ -101,7 +105,7 @@ def make_cell_mixture(
         return strategies.sample(scene, path.receiver, vertex, path.estimate.strategy)
 
     @wp.func
-    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+    def sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         densities.begin(path, draw(scene, path, vertex))
         path.estimate.cos_theta = wp.dot(path.wi, vertex.frame.n)
         if wp.static(has_guide):
@@ -112,6 +116,16 @@ def make_cell_mixture(
         worth = luminance(path.beta) * path.estimate.pixel_worth
         path.estimate.survival = wp.clamp(worth * scene.cache[0].cells[path.estimate.cell].tail_worth, MIN_RATE, 1.0)
         record.vertex(scene, path, vertex.frame.n, 0.0)
+
+    @wp.func
+    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """At an interface by next-event estimation."""
+        path.estimate.survival = 1.0
+        path.estimate.is_recorded = False
+        if vertex.surface.side.is_present:
+            next_event.scatter(scene, path, vertex)
+        else:
+            sample(scene, path, vertex)
 
     @wp.func
     def keep_densities(path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
@@ -147,7 +161,9 @@ def make_cell_mixture(
     return SimpleNamespace(
         begin=begin,
         arrive=arrive,
+        draws_by_bsdf=next_event.draws_by_bsdf,
         scatter=scatter,
+        add_light=next_event.add_light,
         keep_densities=keep_densities,
         survives=survives,
         asks_whole_line=densities.asks_whole_line,

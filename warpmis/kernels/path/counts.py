@@ -106,21 +106,27 @@ def make_counts(
             path.estimate.beta = path.beta
 
     @wp.func
-    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+    def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """All light samples of the vertex."""
         count = int(1)
         ratio = float(1.0)
-        if not path.has_scattered:
+        if path.is_first:
             count = path.estimate.lights
             ratio = float(count) / float(path.estimate.paths)
-            record.begin_vertex(path)
         u = vertex.u_light
         for sample in range(count):
             if sample > 0:
                 choose_light(scene, path, vertex, u, float(sample) / float(count))
             add_light_sample(scene, path, vertex, float(count), ratio)
-            if not path.has_scattered:
+            if path.is_first:
                 record.light_sample(path, sample, count)
-        if not path.has_scattered:
+
+    @wp.func
+    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        if path.is_first:
+            record.begin_vertex(path)
+        add_light(scene, path, vertex)
+        if path.is_first:
             record.end_light_samples(path)
             keep(path, vertex)
         next_event.draw_direction(path, vertex)
@@ -166,7 +172,9 @@ def make_counts(
 
     return SimpleNamespace(
         begin=begin,
+        draws_by_bsdf=next_event.draws_by_bsdf,
         scatter=scatter,
+        add_light=add_light,
         keep_densities=next_event.keep_densities,
         asks_whole_line=next_event.asks_whole_line,
         weigh_ray=next_event.weigh_ray,

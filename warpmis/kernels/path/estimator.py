@@ -90,8 +90,9 @@ def _cell_mixture(parts: Parts) -> SimpleNamespace:
     strategies = parts.strategies(parts.features.strategies)
     PathState, contributions = parts.state(make_cell_estimate(strategies.vec_s), NoRecord)
     record = make_vertex_records(PathState, strategies.count)
+    next_event = parts.next_event(PathState, strategies.vec_s, contributions)
     densities = make_densities(parts.features, PathState, strategies, parts.lights)
-    estimator = make_cell_mixture(PathState, strategies, densities, record)
+    estimator = make_cell_mixture(PathState, strategies, densities, next_event, record)
     # The shares are the cells', not the pixels'.
     return _whole(estimator, PathState, contributions, record, parts.strategies(()))
 
@@ -129,8 +130,9 @@ def _mixture(parts: Parts) -> SimpleNamespace:
     record = make_record(PathState)
     densities = make_densities(parts.features, PathState, strategies, parts.lights)
     next_event = parts.next_event(PathState, strategies.vec_s, contributions)
-    # Of paths that end behind the mixture's vertex none comes to a vertex without one.
-    estimator = make_mixture(PathState, strategies, densities, next_event, record, parts.features.indirect)
+    # Of paths that end behind the mixture's vertex none comes to a vertex without one, but for glass.
+    has_others = parts.features.indirect or parts.features.rough_transmission
+    estimator = make_mixture(PathState, strategies, densities, next_event, record, has_others)
     return _whole(estimator, PathState, contributions, record, strategies)
 
 

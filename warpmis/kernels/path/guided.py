@@ -17,13 +17,14 @@ import warp as wp
 
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
+from warpmis.kernels.bsdf.rough_interface import chance_of
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.cache.guide import from_square, guide_frame, pdf_guide, sample_guide, to_square
 from warpmis.kernels.cache.lookup import cell_of
 from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
-from warpmis.kernels.shading_frame import luminance, to_world
+from warpmis.kernels.shading_frame import Frame, luminance, to_world
 
 wp.set_module_options({"enable_backward": False})
 
@@ -68,7 +69,7 @@ def make_guided(
     record: SimpleNamespace,
     contributions: SimpleNamespace,
 ) -> SimpleNamespace:
-    """The estimator: begin, scatter, keep_densities, survives, asks_whole_line, weigh_ray."""
+    """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, survives, asks_whole_line, weigh_ray."""
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -88,7 +89,8 @@ def make_guided(
         if a < 1.0:
             cos_theta = wp.dot(light.wi, vertex.frame.n)
             place = to_square(guide_frame(vertex.frame.n), light.wi)
-            pdf += (1.0 - a) * pdf_guide(scene.cache[0].densities, cell, place, cos_theta)
+            of_guide = pdf_guide(scene.cache[0].densities, cell, place, cos_theta)
+            pdf += (1.0 - a) * of_guide * chance_of(vertex.surface.side)
         sampled = light.pdf * path.estimate.light_rate
         weight = balance_weight(sampled, pdf * path.estimate.survival) / sampled
         radiance = direct_light.shadowed(scene, path.receiver, light) * weight
@@ -106,7 +108,7 @@ def make_guided(
         u = vertex.u_cache[0]
         frame = guide_frame(vertex.frame.n)
         if u < a:
-            if not path.has_scattered:
+            if path.is_first:
                 vertex.u_bsdf[0] = u / a
                 vertex.u_bsdf[1] = surface.remapped(vertex.surface, vertex.u_bsdf[0])
             path.wi = to_world(vertex.frame, surface.sample(vertex.surface, vertex.u_bsdf))
@@ -120,13 +122,37 @@ def make_guided(
         path.weighs_emission = True
 
     @wp.func
-    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+    def draws_by_bsdf(
+        scene: SceneView, path: wp.ref[PathState], frame: Frame, beyond: float, key: rng.RngKey, step: int
+    ) -> bool:
+        """Whether the BSDF draws the direction at an interface, by the mean share of its two sides' cells."""
+        near_cell = cell_of(scene.cache[0].tree, path.origin, frame.n)
+        beyond_cell = cell_of(scene.cache[0].tree, path.origin, -frame.n)
+        near_share = scene.cache[0].cells[near_cell].bsdf_share
+        path.estimate.bsdf_share = near_share + beyond * (scene.cache[0].cells[beyond_cell].bsdf_share - near_share)
+        return rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)[1] < path.estimate.bsdf_share
+
+    @wp.func
+    def look_up(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]) -> int:
+        """The vertex' cell, and what it says."""
         cell = cell_of(scene.cache[0].tree, path.origin, vertex.frame.n)
         learned = scene.cache[0].cells[cell]
         worth = luminance(path.beta) * path.estimate.pixel_worth
-        path.estimate.bsdf_share = learned.bsdf_share
+        if not vertex.surface.side.is_present:
+            path.estimate.bsdf_share = learned.bsdf_share
         path.estimate.survival = wp.clamp(worth * learned.tail_worth, MIN_RATE, 1.0)
         path.estimate.light_rate = wp.clamp(worth * learned.shadow_ray_worth, MIN_RATE, 1.0)
+        return cell
+
+    @wp.func
+    def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        cell = look_up(scene, path, vertex)
+        if vertex.u_cache[1] < path.estimate.light_rate:
+            add_light_sample(scene, path, vertex, cell)
+
+    @wp.func
+    def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        cell = look_up(scene, path, vertex)
         sampled = float(0.0)
         if vertex.u_cache[1] < path.estimate.light_rate:
             sampled = add_light_sample(scene, path, vertex, cell)
@@ -137,6 +163,7 @@ def make_guided(
     def keep_densities(path: wp.ref[PathState], vertex: wp.ref[Vertex], scattering: wp.ref[Scattering]):
         """The density of the mixture in place of the BSDF's."""
         a = path.estimate.bsdf_share
+        path.estimate.pdf_guide = path.estimate.pdf_guide * chance_of(vertex.surface.side)
         path.pdf = a * scattering.pdf_solid_angle + (1.0 - a) * path.estimate.pdf_guide
 
     @wp.func
@@ -167,7 +194,9 @@ def make_guided(
 
     return SimpleNamespace(
         begin=begin,
+        draws_by_bsdf=draws_by_bsdf,
         scatter=scatter,
+        add_light=add_light,
         keep_densities=keep_densities,
         survives=survives,
         asks_whole_line=asks_whole_line,

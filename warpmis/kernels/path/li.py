@@ -13,7 +13,9 @@ import warp as wp
 
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
+from warpmis.kernels.bsdf.dielectric import is_rough_interface
 from warpmis.kernels.bsdf.events import INTERFACE, MIRROR, PASS, make_events
+from warpmis.kernels.bsdf.rough_interface import InterfaceSide
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.camera import CameraRay
 from warpmis.kernels.direct_light import make_direct_light
@@ -57,8 +59,8 @@ def make_path(
     contributions = estimator.contributions
     emission = make_emission(features, PathState, lights, record, contributions)
     specular = make_specular(features, PathState, lights, contributions)
-    interface = make_interface(features, PathState, lights, intersect, specular, contributions, sampler)
     vertices = make_vertex(features, PathState, surface, lights, direct_light, contributions, sampler)
+    interface = make_interface(features, PathState, specular, vertices, estimator, sampler)
     throughput = make_throughput(features, surface, estimator)
     branches = features.allocation == "counts"
     has_events = features.smooth or features.opacity or features.transmission
@@ -144,19 +146,26 @@ def make_path(
                     if not specular.reflect(scene, path, hit, frame, wo):
                         break
                     continue
+            # Nor has a smooth interface. At a rough one the vertex looks to the side to which the path goes.
+            side = InterfaceSide()
+            if wp.static(features.rough_transmission):
+                if event.kind == INTERFACE and is_rough_interface(material):
+                    u = event.u_remapped
+                    side = interface.add_light_and_choose_side(scene, path, hit, material, frame, wo, u, key, step)
             if wp.static(features.transmission):
-                if event.kind == INTERFACE:
+                if event.kind == INTERFACE and not side.is_present:
                     if not interface.cross(scene, path, hit, material, frame, wo, event.u_remapped, key, step):
                         break
                     continue
 
             # All else scatters: add the light of light samples, and draw a direction.
+            path.is_first = not path.has_scattered and not side.is_present
             estimator.arrive(scene, path, frame, key, step)
-            vertex = vertices.prepare(scene, path, hit, material, frame, wo, key, step)
+            vertex = vertices.prepare(scene, path, hit, material, frame, wo, side, key, step)
             if wp.static(features.delta_light):
                 vertices.add_delta_light(scene, path, vertex)
             estimator.scatter(scene, path, vertex)
-            path.has_scattered = True
+            path.has_scattered = path.has_scattered or path.is_first
 
             # Go on with the throughput in that direction, unless Russian roulette ends the path.
             if not throughput.update(scene, path, vertex, key, step):

@@ -1,8 +1,8 @@
-"""The mixture of strategies at the first vertex that is no mirror: one direction a path, by the one-sample model.
+"""The mixture of strategies at the first vertex that is no mirror and no interface: one direction, one sample a path.
 
 The direction is drawn from p_a = sum_s a_s p_s, with the pixel's shares a. The density of a strategy that samples
 lights is known only when the ray has met the lights on its way, so the path is divided by p_a then (Murray et al. 2020,
-equation 4). All later vertices take next-event estimation.
+equation 4). All other vertices take next-event estimation.
 
 Reference: Veach (1997), section 9.2.4, the one-sample model.
 """
@@ -87,9 +87,9 @@ def make_mixture(
     densities: SimpleNamespace,
     next_event: SimpleNamespace,
     record: SimpleNamespace,
-    has_later_vertices: bool,
+    has_other_vertices: bool,
 ) -> SimpleNamespace:
-    """The estimator, with the functions of `next_event`, which it takes at all vertices but the first."""
+    """The estimator, with the functions of `next_event`, which it takes at all other vertices."""
     vec_s = strategies.vec_s
 
     @wp.func
@@ -108,13 +108,19 @@ def make_mixture(
 
     @wp.func
     def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
-        if wp.static(has_later_vertices):
-            if path.has_scattered:
-                next_event.scatter(scene, path, vertex)
-            else:
+        if wp.static(has_other_vertices):
+            if path.is_first:
                 sample(scene, path, vertex)
+            else:
+                next_event.scatter(scene, path, vertex)
         else:
             sample(scene, path, vertex)
+
+    @wp.func
+    def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """On the side of an interface to which the path does not go."""
+        if wp.static(has_other_vertices):
+            next_event.add_light(scene, path, vertex)
 
     @wp.func
     def weigh_ray(scene: SceneView, path: wp.ref[PathState], on_ray: wp.ref[LightsOnRay]) -> bool:
@@ -129,7 +135,9 @@ def make_mixture(
 
     return SimpleNamespace(
         begin=begin,
+        draws_by_bsdf=next_event.draws_by_bsdf,
         scatter=scatter,
+        add_light=add_light,
         keep_densities=densities.keep,
         asks_whole_line=densities.asks_whole_line,
         weigh_ray=weigh_ray,

@@ -16,7 +16,7 @@ from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.direct_light import DirectLight
 from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.path.state import Vertex
-from warpmis.kernels.shading_frame import to_world
+from warpmis.kernels.shading_frame import Frame, to_world
 
 wp.set_module_options({"enable_backward": False})
 
@@ -33,7 +33,7 @@ def make_next_event(
     direct_light: SimpleNamespace,
     contributions: SimpleNamespace,
 ) -> SimpleNamespace:
-    """The estimator: begin, scatter, keep_densities, asks_whole_line, weigh_ray."""
+    """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, asks_whole_line, weigh_ray."""
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -52,10 +52,22 @@ def make_next_event(
         return from_light
 
     @wp.func
+    def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """On the side of an interface to which the path does not go."""
+        add_light_sample(scene, path, vertex)
+
+    @wp.func
     def draw_direction(path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         """The path's next direction, from the BSDF."""
         path.wi = to_world(vertex.frame, surface.sample(vertex.surface, vertex.u_bsdf))
         path.weighs_emission = True
+
+    @wp.func
+    def draws_by_bsdf(
+        scene: SceneView, path: wp.ref[PathState], frame: Frame, beyond: float, key: rng.RngKey, step: int
+    ) -> bool:
+        """Whether the BSDF will draw the path's direction at an interface; beyond: the chance of the side there."""
+        return True
 
     @wp.func
     def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
@@ -79,7 +91,9 @@ def make_next_event(
 
     return SimpleNamespace(
         begin=begin,
+        draws_by_bsdf=draws_by_bsdf,
         scatter=scatter,
+        add_light=add_light,
         keep_densities=keep_densities,
         asks_whole_line=asks_whole_line,
         weigh_ray=weigh_ray,

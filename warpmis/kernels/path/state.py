@@ -69,8 +69,9 @@ def make_state(Estimate: type, Record: type, Scattering: type) -> type:
         weighed [1/sr].
         weighs_emission: a light sample of the last vertex could have found what the ray meets, so the emission that it
         meets has a weight below 1. Not so after the camera or a mirror.
-        bounces: vertices so far, mirrors among them; has_scattered: whether one of them was no mirror.
-        u_choice: the number for choices at the first vertex that is no mirror, u_remapped: the same after the
+        bounces: vertices so far, mirrors among them; has_scattered: whether one of them was neither that nor an
+        interface; is_first: whether the present one is the first of these.
+        u_choice: the number for choices at that first vertex, u_remapped: the same after the
         estimator's own choice.
         """
 
@@ -84,6 +85,7 @@ def make_state(Estimate: type, Record: type, Scattering: type) -> type:
         weighs_emission: bool
         bounces: int
         has_scattered: bool
+        is_first: bool
         u_choice: float
         u_remapped: float
         rays: int

@@ -54,7 +54,7 @@ def make_throughput(features: Features, surface: SimpleNamespace, estimator: Sim
         path.pdf = scattering.pdf_solid_angle
         if wp.static(features.splits_lobes):
             path.receiver.diffuse = scattering.diffuse
-        estimator.contributions.scatter(path, scattering.diffuse, False)
+        estimator.contributions.scatter(path, scattering.diffuse, vertex.surface.side.is_beyond)
         estimator.keep_densities(path, vertex, scattering)
         path.beta = wp.cw_mul(path.beta, scattering.f_cos)
         if luminance(path.beta) <= 0.0:

@@ -6,6 +6,7 @@ import warp as wp
 
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels import rng
+from warpmis.kernels.bsdf.rough_interface import InterfaceSide
 from warpmis.kernels.bsdf.surface import Surface
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.light.records import Response
@@ -21,6 +22,8 @@ wp.set_module_options({"enable_backward": False})
 def response_of(surface: Surface, frame: Frame) -> Response:
     """The surface, as the choice among lights knows it."""
     response = Response()
+    if surface.side.is_present:
+        return response  # as if it were matte: what it refracts has no lobe about the mirror's direction
     response.wo = to_world(frame, surface.wo)
     response.matte = surface.p_diffuse
     response.alpha2 = surface.alpha * surface.alpha
@@ -56,10 +59,16 @@ def make_vertex(
         vertex.u_bsdf = sampler.of_step(key, step, rng.SCATTER)
         if wp.static(features.delta_light):
             vertex.u_delta = sampler.of_step(key, step, rng.DELTA_LIGHT)[0]
+        if wp.static(features.rough_transmission):
+            if not path.is_first:
+                # The lattice's numbers are for the first vertex, also where an interface comes before it.
+                vertex.u_light = sampler.independent_of_step(key, step, rng.LIGHT)
+                vertex.u_bsdf = sampler.independent_of_step(key, step, rng.SCATTER)
+                vertex.u_delta = sampler.independent_of_step(key, step, rng.DELTA_LIGHT)[0]
         if wp.static(features.cache):
             u_rates = rng.uniform4_of_step(key, step, rng.EVENT)
             vertex.u_cache = wp.vec3(rng.uniform4_of_step(key, step, rng.DELTA_LIGHT)[1], u_rates[3], u_rates[1])
-        if not path.has_scattered:
+        if path.is_first:
             vertex.u_light[0] = path.u_remapped
             vertex.u_bsdf[0] = path.u_remapped
             vertex.u_delta = path.u_choice
@@ -74,14 +83,22 @@ def make_vertex(
         material: MaterialView,
         frame: Frame,
         wo: wp.vec3,
+        side: InterfaceSide,
         key: rng.RngKey,
         step: int,
     ) -> Vertex:
-        """The vertex where the path has arrived; path.receiver becomes this one, with a light chosen for it."""
+        """The vertex where the path has arrived; path.receiver becomes this one, with a light chosen for it.
+
+        frame: looks to the side where there is one; wo: local to the frame that looks to the path's.
+        """
         vertex = random_numbers(path, key, step)
         vertex.ng = hit.ng
         vertex.frame = frame
-        vertex.surface = surface.prepare(scene, material, wo)
+        if wp.static(features.rough_transmission):
+            if side.is_present:
+                vertex.surface = surface.on_side(side, material, wo)
+        if not side.is_present:
+            vertex.surface = surface.prepare(scene, material, wo)
         prim = int(0)
         if wp.static(features.controlled):
             prim = lights.control.prim_of(scene, hit)
@@ -93,7 +110,7 @@ def make_vertex(
         path.receiver = lights.receiver(scene, path.origin, frame.n, prim, u[0], u[1], response)
         if wp.static(features.absorption):
             path.receiver.absorption = absorption
-        if not path.has_scattered:
+        if path.is_first:
             # What the choices leave of their number serves as the first number of the direction.
             vertex.u_light[1] = path.receiver.choice.u_remapped
             vertex.u_bsdf[1] = surface.remapped(vertex.surface, vertex.u_bsdf[0])
