@@ -47,12 +47,12 @@ class InterfaceVertex:
 
 @wp.func
 def evaluate_side(s: OneSide, wi: wp.vec3) -> Scattering:
-    e = Scattering()
+    scattering = Scattering()
     if (wi[2] < 0.0) == s.is_beyond:
         of_interface = evaluate_interface(s.material, s.wo, wi, s.is_front)
-        e.f_cos = SIDES * of_interface.f_cos
-        e.pdf_solid_angle = SIDES * of_interface.pdf
-    return e
+        scattering.f_cos = SIDES * of_interface.f_cos
+        scattering.pdf_solid_angle = SIDES * of_interface.pdf
+    return scattering
 
 
 def make_interface(
