@@ -8,6 +8,7 @@ import pytest
 from superset import shared
 
 from warpmis.rendering import specialise
+from warpmis.scene.features import Features
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -19,4 +20,6 @@ def shared_kernels(request: pytest.FixtureRequest) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         if not request.config.getoption("--own-kernels") and not request.node.get_closest_marker("own_kernels"):
             patch.setattr(specialise, "detect", shared)
+            # Paths of one bounce go through the kernels of longer ones.
+            patch.setattr(Features, "with_depth", lambda features, max_depth: features)
         yield
