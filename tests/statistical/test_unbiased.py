@@ -43,7 +43,7 @@ POWER = {
     "hidden_light": (0.05, 0.05),
 }
 # Where light comes through a gap, estimates scatter most.
-SPP_OF_DEFAULT = {"cornell_box": 128, "ajar_door": 80, "veach_plates": 256, "open_terrace": 256}
+SPP_OF_DEFAULT = {"cornell_box": 104, "ajar_door": 64, "veach_plates": 256, "open_terrace": 160}
 SPP = {"cornell_box": 512, "ajar_door": 1024, "veach_plates": 512, "open_terrace": 512}
 
 
@@ -96,14 +96,14 @@ FEW: dict[str, dict[str, Any]] = {
     "pooled": {"method": "pooled", "learn_rounds": 4, "learn_spp": 2},
     "auto": {"method": "auto"},
 }
-FEW_SEEDS = {"sbert19": 150}
+FEW_SEEDS = {"murray20": 80, "sbert19": 150, "kl-em": 50, "pooled": 46, "auto": 24}
 
 
 def test_learning_from_few_samples_is_unbiased() -> None:
     references = estimates("room", max(FEW_SEEDS.values()), spp=64, method="balance")
     level = sidak(SIGNIFICANCE, len(FEW) * REGIONS)
     for label, settings in FEW.items():
-        reference = references[: FEW_SEEDS.get(label, 80)]
+        reference = references[: FEW_SEEDS[label]]
         found = estimates("room", len(reference), spp=16, **settings)
         assert paired_p_values(found, reference).min() > level, label
         assert caught_bias(found, reference, level) < 0.02, label
