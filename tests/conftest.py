@@ -1,9 +1,10 @@
-"""Tests share kernels: see superset.py. Those about kernels are marked `own_kernels`, by file."""
+"""Tests share kernels: see superset.py. Those about kernels are marked `own_kernels`, by file. The order: order.py."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import order
 import pytest
 from superset import shared
 
@@ -13,6 +14,14 @@ from warpmis.scene.features import Features
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--own-kernels", action="store_true", help="compile what each scene calls for, and no more")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.option.loadscopereorder = False  # pytest-xdist's own order, by the number of a file's tests
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    order.sort(items)
 
 
 @pytest.fixture(autouse=True, scope="module")
