@@ -58,10 +58,12 @@ AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 
 def shared(scene: warpmis.Scene) -> Features:
     """The first of the common sets of effects that holds those of the scene, or just these. A kernel of all effects
-    takes as long to compile as three of a scene's own."""
+    takes as long to compile as three of a scene's own; so does one of the larger sets with a tree of lights, which few
+    scenes have."""
     own = detect(scene)
     kept = {name: getattr(own, name) for name in AS_THE_SCENE_HAS_IT}
-    candidates = (replace(one, **kept) for one in (LIGHTS, LOOKS, CONTROLS, GLASS, own))
+    larger = () if any(kept.values()) else (LOOKS, CONTROLS, GLASS)
+    candidates = (replace(one, **kept) for one in (LIGHTS, *larger, own))
     return next(features for features in candidates if effects_of(own) <= effects_of(features))
 
 
