@@ -21,6 +21,7 @@ LONGEST = (
     "unit/rendering/test_effects.py",
     "statistical/test_interface.py",
     "statistical/test_emissive_instances.py",
+    "statistical/test_learning.py",
     "unit/rendering/test_aovs.py",
     "unit/rendering/test_integrator.py",
     "unit/rendering/test_checkpoint.py",
