@@ -7,7 +7,7 @@ scene's own kernels: `pytest --own-kernels`.
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import asdict, replace
 
 import warpmis
 from warpmis.scene.features import Features, detect
@@ -28,20 +28,44 @@ LIGHTS = Features(
     shading_normals=True,
     indirect=True,
 )
-COATS_AND_SKIES = dataclasses.replace(LIGHTS, clearcoat=True, dome_picture=True)
-GLASS = dataclasses.replace(LIGHTS, transmission=True, rough_transmission=True, absorption=True)
+LOOKS = replace(
+    LIGHTS,
+    clearcoat=True,
+    dome_picture=True,
+    textures=True,
+    vertex_colors=True,
+    normal_maps=True,
+    orthographic=True,
+    depth_of_field=True,
+    clipping=True,
+)
+CONTROLS = replace(
+    LIGHTS,
+    clearcoat=True,
+    dome_picture=True,
+    shaping=True,
+    ies=True,
+    light_pictures=True,
+    light_tints=True,
+    light_response=True,
+    light_links=True,
+    shadow_links=True,
+)
+GLASS = replace(LIGHTS, transmission=True, rough_transmission=True, absorption=True)
 # What paths are built differently with is as the scene has it: those kernels are not the same code.
 AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 
 
 def shared(scene: warpmis.Scene) -> Features:
     """The first of the common sets of effects that holds those of the scene, or just these. A kernel of all effects
-    takes as long to compile as three of a scene's own."""
+    takes as long to compile as three of a scene's own; so does one of the larger sets with a tree of lights, which few
+    scenes have."""
     own = detect(scene)
     kept = {name: getattr(own, name) for name in AS_THE_SCENE_HAS_IT}
-    candidates = (dataclasses.replace(one, **kept) for one in (LIGHTS, COATS_AND_SKIES, GLASS, own))
+    larger = () if any(kept.values()) else (LOOKS, CONTROLS, GLASS)
+    candidates = (replace(one, **kept) for one in (LIGHTS, *larger, own))
     return next(features for features in candidates if effects_of(own) <= effects_of(features))
 
 
 def effects_of(features: Features) -> set[str]:
-    return {name for name, on in dataclasses.asdict(features).items() if on is True}
+    return {name for name, on in asdict(features).items() if on is True}

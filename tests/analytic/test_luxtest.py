@@ -63,7 +63,7 @@ class Authored:
 def rect_irradiance(light: Authored, point: tuple[float, float, float]) -> np.ndarray:
     """Sum over the rectangle of L cos cos / d^2, with the schema's cone and focus, shape (3,)."""
     width, height = light["width"], light["height"]
-    grid = (np.arange(1000) + 0.5) / 1000 - 0.5
+    grid = (np.arange(300) + 0.5) / 300 - 0.5
     x, y = np.meshgrid(grid * width, grid * height)
     places = light.place + x[..., None] * light.axes[0] + y[..., None] * light.axes[1]
     towards = np.array(point) - places

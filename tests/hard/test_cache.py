@@ -24,7 +24,9 @@ from warpmis.rendering.launches import Launcher
 SEEDS = 16
 POWER = {"thin wall": 0.1}  # next-event estimation is noisy there
 POWER_OF_OTHERS = 0.05
-SETTINGS: dict[str, Any] = {"spp": 256, "max_depth": 4, "width": 16}
+SPP = {"thin wall": 256, "half dark": 256, "mirrors": 128}
+SPP_OF_OTHERS = 64
+SETTINGS: dict[str, Any] = {"max_depth": 4, "width": 16}
 LOOK = camera((0.0, 0.5, 0.9), -20.0, 0.8)
 
 
@@ -82,10 +84,10 @@ GUIDED: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_guided_pictures_have_the_right_mean(name: str) -> None:
-    scene = warpmis.load_stage(CASES[name]())
+    scene, spp = warpmis.load_stage(CASES[name]()), SPP.get(name, SPP_OF_OTHERS)
     found: dict[str, np.ndarray] = {}
     for label, how in {"nee": {"method": "nee"}, **GUIDED}.items():
-        results = [warpmis.render(scene, seed=seed, **how, **SETTINGS) for seed in range(SEEDS)]
+        results = [warpmis.render(scene, spp=spp, seed=seed, **how, **SETTINGS) for seed in range(SEEDS)]
         assert all(np.isfinite(result.image).all() and result.image.min() >= 0.0 for result in results)
         assert all(result.stats["rejected_samples"] == 0 for result in results)
         found[label] = np.array([quarters(result.image) for result in results])

@@ -32,7 +32,7 @@ from warpmis.scene import (
 )
 from warpmis.scene.features import Features
 
-COUNT = 1 << 19
+COUNT = 340_000
 PILOT = 1 << 15
 
 # A rotation about no particular axis, so that nothing is right by being aligned.

@@ -14,8 +14,8 @@ import warpmis
 from warpmis.rendering import counted
 
 SIGNIFICANCE = 0.01
-SEEDS = 24
-PILOTS = 80
+SEEDS = 16
+PILOTS = 48
 GIVEN = ((0, 1), (2, 1), (1, 2), (4, 3))
 SCENES = {"room": 0.03, "hidden_light": 0.03}
 LEVEL = sidak(SIGNIFICANCE, (len(GIVEN) * len(SCENES) + 1) * REGIONS)
@@ -31,10 +31,10 @@ def small_pilots(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_given_counts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     small_pilots(monkeypatch)
-    reference = estimates(name, SEEDS, spp=128, method="nee")
+    reference = estimates(name, SEEDS, spp=64, method="nee")
     for lights, paths in GIVEN:
         monkeypatch.setattr(counted, "best_counts", lambda *_, given=(lights, paths): given)
-        found = estimates(name, SEEDS, spp=64, method="counts")
+        found = estimates(name, SEEDS, spp=32, method="counts")
         assert paired_p_values(found, reference).min() > LEVEL, (lights, paths)
         if lights > 0:  # without them few paths find the lamp
             assert caught_bias(found, reference, LEVEL) < SCENES[name], (lights, paths)
@@ -48,6 +48,6 @@ def test_a_pilot_that_decides_by_chance(monkeypatch: pytest.MonkeyPatch) -> None
     chosen = {tuple(result.allocation[0, 0].round(2).tolist()) for result in results}
     assert len(chosen) >= 2
     found = np.array([block_means(result.image) for result in results])
-    reference = estimates("room", PILOTS, spp=64, method="nee")
+    reference = estimates("room", PILOTS, spp=32, method="nee")
     assert paired_p_values(found, reference).min() > LEVEL
     assert caught_bias(found, reference, LEVEL) < 0.02

@@ -19,7 +19,7 @@ from warpmis.config import CELL_STRATEGIES
 from warpmis.rendering import guided
 
 SIGNIFICANCE = 0.01
-SEEDS = 40
+SEEDS = 24
 
 
 @pytest.fixture
@@ -37,10 +37,13 @@ def small_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
 MIXTURE: dict[str, Any] = {"method": "cells", "strategies": CELL_STRATEGIES}
 
 
-@pytest.mark.parametrize("how", [{"method": "guided"}, MIXTURE], ids=["guided", "all strategies"])
-def test_learning_from_few_samples_is_unbiased(small_rounds: None, how: dict[str, Any]) -> None:
-    found = estimates("room", SEEDS, spp=32, **how)
-    reference = estimates("room", SEEDS, spp=64, method="nee")
+# Of more strategies each learns from fewer samples.
+@pytest.mark.parametrize(
+    ("how", "seeds"), [({"method": "guided"}, SEEDS), (MIXTURE, 36)], ids=["guided", "all strategies"]
+)
+def test_learning_from_few_samples_is_unbiased(small_rounds: None, how: dict[str, Any], seeds: int) -> None:
+    found = estimates("room", seeds, spp=32, **how)
+    reference = estimates("room", seeds, spp=64, method="nee")
     level = sidak(SIGNIFICANCE, REGIONS)
     assert paired_p_values(found, reference).min() > level
     assert caught_bias(found, reference, level) < 0.02
@@ -85,7 +88,7 @@ def test_mixtures_by_cells_have_the_mean(name: str, strategies: tuple[str, ...])
 
 def test_learned_shares_lower_the_variance(monkeypatch: pytest.MonkeyPatch) -> None:
     """Against equal shares of the same strategies, with the same guides and rates; two of the strategies lose here."""
-    how: dict[str, Any] = {"method": "cells", "strategies": ("bsdf", "uniform", "area", "light"), "spp": 256}
+    how: dict[str, Any] = {"method": "cells", "strategies": ("bsdf", "uniform", "area", "light"), "spp": 128}
     learned = estimates("room", 12, **how)
     with monkeypatch.context() as frozen:
         frozen.setattr(CellShares, "_solve", lambda self, launch: None)

@@ -18,6 +18,7 @@ import warp as wp
 from numpy.typing import NDArray
 from statistical.estimates import REGIONS, block_means, caught_bias, paired_p_values
 from stats import DirectionGrid, detectable_imbalance, fit_directions, sidak
+from superset import shared
 
 import warpmis
 from warpmis.device.material import material_view
@@ -26,10 +27,9 @@ from warpmis.kernels import rng
 from warpmis.kernels.bsdf.dielectric import sample_interface
 from warpmis.kernels.bsdf.rough_interface import evaluate_side, side_of, to_other_side
 from warpmis.scene import DomeLight, Material, RectLight, Scene, SphereLight
-from warpmis.scene.features import detect
 
 FloatArray = NDArray[np.float64]
-COUNT = 1 << 19
+COUNT = 330_000
 COSINES = (0.95, 0.5, 0.15)
 CASES = [(rough, ior, front) for rough, ior in ((0.5, 1.5), (0.8, 1.33), (1.0, 2.4)) for front in (True, False)]
 PANES = (0.4, 0.6, 0.9)
@@ -194,15 +194,20 @@ def still_life() -> Scene:
     return scenes.scene(scenes.quads(faces), materials, [lamp, sky], view, pixels=18)
 
 
-FEATURES = detect(still_life())
+def without_light_samples(scene: Scene) -> dict[str, Any]:
+    features = shared(scene)
+    assert features.rough_transmission
+    return {"features": replace(features, rough_transmission=False)}
+
+
 WAYS: dict[str, dict[str, Any]] = {
     "nee": {"method": "nee"},
     "balance": {"method": "balance"},
     "whole": {"method": "balance", "strategies": ("bsdf", "light", "uniform")},
-    "murray20": {"method": "murray20", "learn_rounds": 2, "learn_spp": 64},
+    "murray20": {"method": "murray20", "learn_rounds": 2, "learn_spp": 24},
     "guided": {"method": "guided"},
-    "cells": {"method": "cells", "strategies": ("bsdf", "light", "guide"), "spp": 1024},
-    "nee, no light samples at glass": {"method": "nee", "features": replace(FEATURES, rough_transmission=False)},
+    "cells": {"method": "cells", "strategies": ("bsdf", "light", "guide"), "spp": 384},
+    "nee, no light samples at glass": {"method": "nee", **without_light_samples(still_life())},
 }
 PAIRS = list(combinations(WAYS, 2))
 SEEDS = 12
@@ -211,7 +216,7 @@ SEEDS = 12
 @cache
 def pictures(way: str) -> FloatArray:
     scene = still_life()
-    settings = {"spp": 256, **WAYS[way]}
+    settings = {"spp": 96, **WAYS[way]}
     return np.array([block_means(warpmis.render(scene, seed=k, **settings).image) for k in range(SEEDS)])
 
 
@@ -254,12 +259,6 @@ def lit(name: str, radius: float) -> Scene:
     return frosted(SphereLight("/lamp", BEYOND, radius, np.ones(3) / (np.pi * radius**2)), **FROST[name])
 
 
-def without_light_samples(scene: Scene) -> dict[str, Any]:
-    features = detect(scene)
-    assert features.rough_transmission
-    return {"features": replace(features, rough_transmission=False)}
-
-
 @pytest.mark.parametrize("name", FROST)
 def test_light_samples_at_frosted_glass_change_no_mean(name: str) -> None:
     scene = lit(name, 0.15)
@@ -283,6 +282,6 @@ def test_light_samples_find_a_small_lamp_behind_frosted_glass(name: str) -> None
 def test_a_point_light_shines_through_frosted_glass_as_a_small_lamp_does(name: str) -> None:
     """Radiance times the projected area is the point's intensity."""
     point = frosted(SphereLight("/point", BEYOND, 0.0, np.ones(3)), **FROST[name])
-    found, expected = means(point, 512), means(lit(name, 0.005), 512)
+    found, expected = means(point, 256), means(lit(name, 0.005), 256)
     assert paired_p_values(found, expected).min() > FROST_LEVEL
     assert caught_bias(found, expected, FROST_LEVEL) < 0.05

@@ -36,8 +36,8 @@ def grid_of(name: str) -> tuple[Grid, int]:
     wi, out = sampled(name, PILOT, seed=2)
     grid = DirectionGrid.fitted(wi[out["sampled_pdf"] > 0.0], np.linspace(0.0, 1.0, 13), sectors=12)
     if CASES[name].by_tree:
-        return grid, 192  # triangles seen edge-on have samples, too
-    return grid, 96 if CASES[name].overlaps else 40
+        return grid, 112  # triangles seen edge-on have samples, too
+    return grid, 64 if CASES[name].overlaps else 40
 
 
 @pytest.mark.parametrize("name", CASES)

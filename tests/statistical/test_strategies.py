@@ -19,14 +19,14 @@ from stats import DirectionGrid, detectable_imbalance, fit_directions, sidak
 
 from warpmis.config import STRATEGIES
 
-COUNT = 1 << 18
+COUNT = 150_000
 PILOT = 1 << 15
 SIGNIFICANCE = sidak(0.01, len(POINTS) * (len(STRATEGIES) + 1))
 DETECTABLE = 0.03
 
 # The hemisphere is theirs without a sample lost.
 WHOLE = ("uniform", "cosine")
-SIDE = 80
+SIDE = 48
 
 
 def directions_above(point: str, strategy: int, count: int, seed: int) -> NDArray[np.float32]:

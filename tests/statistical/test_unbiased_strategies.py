@@ -104,17 +104,17 @@ def test_mixtures_agree(name: str) -> None:
     check(name, subsets(), (4 if name == "open_terrace" else 2) * SPP)
 
 
-@pytest.mark.parametrize("name", ["hidden_light", "open_terrace"])
-def test_choice_of_strategy_and_compensation_keep_the_mean(name: str) -> None:
+@pytest.mark.parametrize(("name", "spp"), [("hidden_light", SPP), ("open_terrace", 2 * SPP)])
+def test_choice_of_strategy_and_compensation_keep_the_mean(name: str, spp: int) -> None:
     """Stratified or random choice; a dome's picture sampled by what it has above its mean, which next-event estimation
     and mixtures make up for alike."""
-    plain = {method: estimates(name, SEEDS[name], method=method, spp=2 * SPP) for method in ("balance", "nee")}
+    plain = {method: estimates(name, SEEDS[name], method=method, spp=spp) for method in ("balance", "nee")}
     others = [("balance", {"strategy_choice": "random"})]
     if name == "open_terrace":
         others += [(method, {"mis_compensation": True}) for method in plain]
     level = sidak(SIGNIFICANCE, 4 * REGIONS)
     for method, settings in others:
-        found = estimates(name, SEEDS[name], method=method, spp=2 * SPP, **settings)
+        found = estimates(name, SEEDS[name], method=method, spp=spp, **settings)
         assert not (found == plain[method]).all(), f"{settings} changes nothing"
         assert paired_p_values(found, plain[method]).min() > level, (method, settings)
         assert caught_bias(found, plain[method], level) < POWER[name], (method, settings)

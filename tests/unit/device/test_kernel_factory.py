@@ -91,6 +91,16 @@ def test_kernels_come_from_the_factory_alone(path: Path) -> None:
             assert "wp.kernel" not in map(ast.unparse, names), f"{where}: use kernel_factory or device_kernel"
 
 
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_no_struct_has_the_name_of_a_constant_of_warp(path: Path) -> None:
+    """Until a function is built, Warp takes `e.x` for a constant, wp.e, and afterwards for a field of the variable e:
+    each kernel that calls the function would then be named anew, and compiled again."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            name = node.value.id
+            assert not isinstance(getattr(wp, name, None), float), f"{path}:{node.lineno}: {name} is a constant of Warp"
+
+
 def factories() -> Iterator[tuple[str, Callable[..., wp.Kernel]]]:
     """All functions of the package that `kernel_factory` decorates."""
     for path in SOURCES:

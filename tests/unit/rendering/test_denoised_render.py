@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
+from numpy.typing import NDArray
 
 import warpmis
 from warpmis import ConfigError, Interrupted, Progress
@@ -26,6 +27,11 @@ def scene() -> warpmis.Scene:
     return scenes.room()
 
 
+@pytest.fixture(scope="module")
+def truth() -> NDArray[np.float32]:
+    return warpmis.render(scene(), spp=4096, seed=9, **SETTINGS).image
+
+
 def test_noisy_picture_is_the_mean_of_two_renders_with_seeds_of_their_own() -> None:
     config = warpmis.RenderConfig(spp=9, seed=3, **SETTINGS)
     result = warpmis.render(scene(), spp=9, seed=3, denoise=True, **SETTINGS)
@@ -38,13 +44,12 @@ def test_noisy_picture_is_the_mean_of_two_renders_with_seeds_of_their_own() -> N
     assert "shutter_samples" not in result.settings
 
 
-def test_denoised_picture_is_nearer_to_the_truth_and_says_how_near() -> None:
-    reference = warpmis.render(scene(), spp=4096, seed=9, **SETTINGS).image
+def test_denoised_picture_is_nearer_to_the_truth_and_says_how_near(truth: NDArray[np.float32]) -> None:
     result = warpmis.render(scene(), spp=16, denoise=True, **SETTINGS)
     assert result.denoised is not None and result.shown is result.denoised
-    assert relative_mse(result.denoised, reference) < 0.5 * relative_mse(result.image, reference)
+    assert relative_mse(result.denoised, truth) < 0.5 * relative_mse(result.image, truth)
     stats = result.stats["denoise"]
-    assert relative_mse(result.denoised, reference) ** 0.5 < stats["relative_error_bound"]
+    assert relative_mse(result.denoised, truth) ** 0.5 < stats["relative_error_bound"]
     assert stats["seconds"] > 0.0
 
 
@@ -81,11 +86,10 @@ def test_progress_goes_on_over_both_halves() -> None:
     assert {report.total for report in reports if report.total} == {result.stats["samples"]}
 
 
-def test_target_error_is_that_of_the_noisy_picture() -> None:
-    reference = warpmis.render(scene(), spp=4096, seed=9, **SETTINGS).image
+def test_target_error_is_that_of_the_noisy_picture(truth: NDArray[np.float32]) -> None:
     result = warpmis.render(scene(), target_error=0.1, spp=4096, denoise=True, **SETTINGS)
     assert result.settings["target_error"] == 0.1
-    assert 0.02 < relative_mse(result.image, reference) ** 0.5 < 0.1
+    assert 0.02 < relative_mse(result.image, truth) ** 0.5 < 0.1
 
 
 def test_interrupted_render_keeps_the_noisy_picture() -> None:

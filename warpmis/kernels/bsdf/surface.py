@@ -128,46 +128,46 @@ def make_surface(features: Features) -> SimpleNamespace:
     @wp.func
     def evaluate(s: Surface, wi: wp.vec3) -> Scattering:
         """BSDF times cosine and density for a local direction; both 0 below the surface."""
-        e = Scattering()
+        scattering = Scattering()
         if wi[2] <= 0.0:
-            return e
+            return scattering
         if wp.static(features.rough_transmission):
             if s.side.is_present:
                 of_side = evaluate_side(s.side, s.wo, s.alpha, wi)
-                e.f_cos = of_side.f_cos
-                e.pdf_solid_angle = of_side.pdf
-                e.pdf_specular = of_side.pdf
-                return e
-        e.f_cos = s.diffuse * (INV_PI * wi[2])
-        e.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
+                scattering.f_cos = of_side.f_cos
+                scattering.pdf_solid_angle = of_side.pdf
+                scattering.pdf_specular = of_side.pdf
+                return scattering
+        scattering.f_cos = s.diffuse * (INV_PI * wi[2])
+        scattering.pdf_solid_angle = s.p_diffuse * INV_PI * wi[2]
         if wp.static(features.splits_lobes):
-            e.diffuse = e.f_cos
+            scattering.diffuse = scattering.f_cos
         if wp.static(features.specular):
             if s.alpha > 0.0:
-                e.f_cos = wp.cw_mul(e.f_cos, ONE - schlick(s.specular_f0, wi[2]))
+                scattering.f_cos = wp.cw_mul(scattering.f_cos, ONE - schlick(s.specular_f0, wi[2]))
                 if wp.static(features.splits_lobes):
-                    e.diffuse = e.f_cos
+                    scattering.diffuse = scattering.f_cos
                 if s.p_specular > 0.0:
                     h = wp.normalize(s.wo + wi)
                     pdf = pdf_reflected(s.wo, h, s.alpha)
                     fresnel = wp.cw_mul(schlick(s.specular_f0, wp.dot(s.wo, h)), s.compensation)
-                    e.f_cos += fresnel * (pdf * smith_g1(wi, s.alpha))
-                    e.pdf_specular += s.p_specular * pdf
+                    scattering.f_cos += fresnel * (pdf * smith_g1(wi, s.alpha))
+                    scattering.pdf_specular += s.p_specular * pdf
             if wp.static(features.clearcoat):
                 if s.coat > 0.0:
-                    e.f_cos = e.f_cos * s.below_coat
+                    scattering.f_cos = scattering.f_cos * s.below_coat
                     if wp.static(features.splits_lobes):
-                        e.diffuse = e.diffuse * s.below_coat
+                        scattering.diffuse = scattering.diffuse * s.below_coat
                     if s.p_coat > 0.0:
                         h = wp.normalize(s.wo + wi)
                         pdf = pdf_reflected(s.wo, h, s.coat_alpha)
                         coat_fresnel = s.coat * schlick_scalar(s.coat_f0, wp.dot(s.wo, h))
-                        e.f_cos += ONE * (coat_fresnel * pdf * smith_g1(wi, s.coat_alpha))
-                        e.pdf_specular += s.p_coat * pdf
-            e.pdf_solid_angle += e.pdf_specular
+                        scattering.f_cos += ONE * (coat_fresnel * pdf * smith_g1(wi, s.coat_alpha))
+                        scattering.pdf_specular += s.p_coat * pdf
+            scattering.pdf_solid_angle += scattering.pdf_specular
         if wp.static(features.splits_lobes):
-            e.diffuse = wp.cw_div(e.diffuse, wp.max(e.f_cos, ONE * 1.0e-20))
-        return e
+            scattering.diffuse = wp.cw_div(scattering.diffuse, wp.max(scattering.f_cos, ONE * 1.0e-20))
+        return scattering
 
     @wp.func
     def remapped(s: Surface, u: float) -> float:
