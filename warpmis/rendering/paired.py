@@ -53,7 +53,7 @@ class PairIntegrator(Integrator):
     def color_sums(self) -> NDArray[np.float64]:
         """Sum of the picture's samples' radiance so far, shape (H, W, 3)."""
         sums: NDArray[np.float64] = self.film.color.numpy().reshape(self.height, self.width, 3)
-        return sums
+        return sums.copy()  # a CPU's is the film itself
 
     def allocation_map(self) -> NDArray[np.float32]:
         """Each technique's part, shape (H, W, S), of sum 1: of the weights; or of the optimal coefficients, half the
