@@ -26,7 +26,8 @@ class Method:
         pool_radius: the solver gets moments relative to a pixel's brightness, pooled over the pixels so far to each
             side; 0 is the pixel's own; None: it gets the pixel's sums.
         cost_aware: variance x cost is minimised, not variance alone.
-        learn_share: share of the budget that is spent on learning unless the caller says otherwise.
+        learn_share: share of the budget that is spent on learning unless the caller says otherwise; of a pilot for
+            next-event estimation's two samples, beside the picture's samples.
         max_rounds: most learn rounds that the budget may be divided into.
         allocation: what a pixel's numbers are (Features.allocation).
         cache: a spatial cache guides the paths at every vertex.
