@@ -36,7 +36,7 @@ POOLED = Layout(2, METHODS["pooled"].statistics)
 COST_AWARE = METHODS["cost-aware"].statistics
 COUNTS = FEW.with_strategies(DEFAULT_STRATEGIES).with_allocation("counts")
 WEIGHTS = FEW.with_strategies(DEFAULT_STRATEGIES).with_allocation("weights")
-CONTROL = MOST.with_strategies(DEFAULT_STRATEGIES).with_allocation("control")
+CONTROL = replace(FEW, mesh_light=True).with_strategies(DEFAULT_STRATEGIES).with_allocation("control")
 OF_WEIGHTS, OF_CONTROL = METHODS["variance_aware"].statistics, METHODS["optimal"].statistics
 KERNELS = {
     "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
@@ -48,7 +48,7 @@ KERNELS = {
     "trace, few effects, pilot of counts": lambda: make_trace(COUNTS.with_strategies(DEFAULT_STRATEGIES, ("parts",))),
     "trace, few effects, weights": lambda: make_trace(WEIGHTS),
     "trace, few effects, pilot of weights": lambda: make_trace(WEIGHTS.with_strategies(DEFAULT_STRATEGIES, OF_WEIGHTS)),
-    "trace, most effects, control": lambda: make_trace(CONTROL),
+    "trace, few effects, control": lambda: make_trace(CONTROL),
     "trace, most effects, next-event estimation": lambda: make_trace(MOST),
     "trace, every effect, guided": lambda: make_trace(EVERY.with_cache()),
     "trace, few effects, mixture by cells": lambda: make_trace(FEW.with_strategies(CELL_STRATEGIES).with_cache()),
