@@ -171,7 +171,7 @@ class RenderConfig:
         if not re.fullmatch(r"cpu|cuda(:\d+)?", self.device):
             raise ConfigError(f"unknown device '{self.device}'; choose cpu, cuda or cuda:0")
         object.__setattr__(self, "strategies", _checked_strategies(self.strategies, self.method))
-        if self.how.counts and self.strategies != DEFAULT_STRATEGIES:
+        if self.how.is_of_pair and self.strategies != DEFAULT_STRATEGIES:
             raise ConfigError(f"method '{self.method}' is for the strategies bsdf,light; take pooled for others")
         object.__setattr__(self, "allocation", self._checked_allocation())
         object.__setattr__(self, "aov", checked_aovs(self.aov))
@@ -207,7 +207,7 @@ class RenderConfig:
         if self.learn.rounds is not None:
             return self.learn.rounds
         if self.how.rounds is not None:
-            return self.how.rounds
+            return min(self.how.rounds, self.learn_budget)
         return min(max(self.learn_budget.bit_length() - 7, 1), self.how.max_rounds)
 
     def learn_spp(self) -> int:
@@ -303,8 +303,13 @@ class RenderConfig:
         if self.how.two_strategies and count > 2:
             raise ConfigError(f"method '{self.method}' is for two strategies; take pooled for {count}")
         if self.how.rounds is not None and self.learn.rounds not in (None, self.how.rounds):
-            raise ConfigError(f"method '{self.method}' has {self.how.rounds} learn round; drop the number of rounds")
+            plural = "s" if self.how.rounds > 1 else ""
+            raise ConfigError(
+                f"method '{self.method}' has {self.how.rounds} learn round{plural}; drop the number of rounds"
+            )
         initial = self.learn.initial_allocation
+        if initial is not None and self.how.is_of_pair:
+            raise ConfigError(f"method '{self.method}' learns as next-event estimation: drop the initial allocation")
         if initial is not None and len(initial) != count:
             raise ConfigError(
                 f"initial allocation must have {count} shares, one for each of {', '.join(self.strategies)}, "

@@ -1,7 +1,8 @@
 """The methods by name: how each shares the samples of a pixel among the strategies, and what it learns from.
 
 References: Veach (1997), balance heuristic; Kajiya (1986), next-event estimation; Lu, Pacanowski, Granier (2013);
-Sbert, Havran, Szirmay-Kalos (2019); Murray, Benzait, Pacanowski, Granier (2020).
+Sbert, Havran, Szirmay-Kalos (2019); Murray, Benzait, Pacanowski, Granier (2020); Grittmann, Georgiev, Slusallek,
+Krivanek (2019); Kondapaneni, Vevoda, Grittmann, Skrivan, Slusallek, Krivanek (2019).
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ class Method:
         direct_only: the moments are of the light that comes straight from the lights, as before Murray et al.
         two_strategies: published for two strategies alone.
         min_share, max_share: bounds of a share for two strategies; learn/ says what becomes of them for more.
-        rounds: number of learn rounds where the method fixes it.
+        rounds: number of learn rounds where the method fixes it; fewer where there are not so many samples.
         keeps: the moments of all rounds are used, not those of the last one alone.
         pool_radius: the solver gets moments relative to a pixel's brightness, pooled over the pixels so far to each
             side; 0 is the pixel's own; None: it gets the pixel's sums.
         cost_aware: variance x cost is minimised, not variance alone.
-        learn_share: share of the budget that is spent on learning unless the caller says otherwise.
+        learn_share: share of the budget that is spent on learning unless the caller says otherwise; of a pilot for
+            next-event estimation's two samples, beside the picture's samples.
         max_rounds: most learn rounds that the budget may be divided into.
-        counts: several light samples and paths at the first vertex, as many as a pilot finds best.
+        allocation: what a pixel's numbers are (Features.allocation).
         cache: a spatial cache guides the paths at every vertex.
         by_cells: the cache's cells share directions among the strategies, and there are no light samples.
         tries: only where it pays, by a trial.
@@ -46,7 +48,7 @@ class Method:
     cost_aware: bool = False
     learn_share: float = 0.5
     max_rounds: int = 8
-    counts: bool = False
+    allocation: str = "shares"
     cache: bool = False
     by_cells: bool = False
     tries: bool = False
@@ -54,6 +56,11 @@ class Method:
     @property
     def learns(self) -> bool:
         return bool(self.solver)
+
+    @property
+    def is_of_pair(self) -> bool:
+        """Whether it is next-event estimation with its light sample and its BSDF sample otherwise joined."""
+        return self.allocation != "shares"
 
     @property
     def has_strategies(self) -> bool:
@@ -110,7 +117,31 @@ METHODS: dict[str, Method] = {
     "counts": Method(
         summary="nee with as many light samples and paths at the first vertex as a pilot finds best",
         two_strategies=True,
-        counts=True,
+        allocation="counts",
+    ),
+    "variance_aware": Method(
+        summary="nee with weights by the variances of its two samples (Grittmann et al. 2019)",
+        solver="variance_aware",
+        statistics=("mean", "between_rounds"),
+        two_strategies=True,
+        min_share=0.01,
+        max_share=0.99,
+        rounds=4,
+        keeps=True,
+        pool_radius=4,
+        learn_share=0.0625,
+        allocation="weights",
+    ),
+    "optimal": Method(
+        summary="nee with a control variate of its two samples (Kondapaneni et al. 2019)",
+        solver="control_variate",
+        statistics=("mean", "control"),
+        two_strategies=True,
+        rounds=1,
+        keeps=True,
+        pool_radius=4,
+        learn_share=0.0625,
+        allocation="control",
     ),
     "guided": Method(
         summary="a spatial cache learns directions, shares, roulette and shadow rays at every vertex", cache=True

@@ -1,4 +1,5 @@
-"""Method `counts`, and counts that are given, against `nee` and `auto`, at equal samples per pixel:
+"""Methods `counts`, `variance_aware` and `optimal`, and counts that are given, against `nee` and `auto`, at as many
+samples per pixel of the picture:
 
     python scripts/bench/counts.py [SCENE ...] [--spp 64] [--seeds 12] [--given 1,2 2,2] [--json FILE]
 
@@ -85,7 +86,7 @@ def main() -> None:
     parser.add_argument("--given", nargs="*", default=[], help="counts of light samples and paths, such as 1,2")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    labels = ["nee", "auto", "counts", *(f"counts {given}" for given in arguments.given)]
+    labels = ["nee", "auto", "counts", "variance_aware", "optimal", *(f"counts {given}" for given in arguments.given)]
     report: dict[str, dict[str, dict[str, object]]] = {}
     for name in arguments.scenes:
         path = USD_SCENES / name / "scene.usda"

@@ -27,12 +27,13 @@ from warpmis.kernels.camera import CameraRay, make_camera
 from warpmis.kernels.direct_light import make_direct_light
 from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
-from warpmis.kernels.light.records import Receiver
+from warpmis.kernels.light.records import Receiver, Response
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
 from warpmis.kernels.moments import SHADOW_RAY_COST
 from warpmis.kernels.path.li import make_path
 from warpmis.kernels.path.state import Vertex
+from warpmis.kernels.path.vertex import response_of
 from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.shading_frame import luminance, to_local, to_world
 from warpmis.kernels.strategies import make_strategies
@@ -287,7 +288,11 @@ def make_first_vertex(features: Features) -> SimpleNamespace:
     def choose(scene: SceneView, first: wp.ref[FirstVertex], u: float):
         """A light and a lobe by u, what is left of which is the direction's first number."""
         x = first.receiver.x
-        first.receiver = lights.receiver(scene, x, first.vertex.frame.n, 0, u, first.vertex.u_light[1])
+        frame = first.vertex.frame
+        response = Response()
+        if wp.static(features.glossy_choice):
+            response = response_of(first.vertex.surface, frame)
+        first.receiver = lights.receiver(scene, x, frame.n, 0, u, first.vertex.u_light[1], response)
         first.vertex.u_light[0] = u
         first.vertex.u_bsdf[0] = u
         first.vertex.u_light[1] = first.receiver.choice.u_remapped

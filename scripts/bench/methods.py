@@ -61,7 +61,7 @@ def variants(budget: int) -> Iterator[Variant]:
             if name in STRATEGY_SETS:
                 label += " " + ALL.get(strategies, ",".join(strategies))
             settings = {"method": name, "strategies": strategies}
-            if not method.learns or budget < LEARN_SPP * (1 + max(ROUNDS)):
+            if not method.learns or method.is_of_pair or budget < LEARN_SPP * (1 + max(ROUNDS)):
                 yield Variant(label, settings)
                 continue
             for rounds in ROUNDS if method.rounds is None else (method.rounds,):

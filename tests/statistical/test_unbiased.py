@@ -30,6 +30,8 @@ METHODS: dict[str, dict[str, Any]] = {
     "cost-aware": {"method": "cost-aware"},
     "auto": {"method": "auto"},
     "counts": {"method": "counts"},
+    "variance_aware": {"method": "variance_aware"},
+    "optimal": {"method": "optimal"},
     "guided": {"method": "guided"},
     "cells": {"method": "cells"},
 }
@@ -69,7 +71,10 @@ def check(name: str, methods: list[str], **settings: Any) -> None:
 
 
 # Those whose weights or whose learning no other one of them has; eight seconds each.
-FEWER = ("bsdf", "balance", "nee", "fixed 0.2", "murray20", "pooled", "auto", "counts", "guided")
+FEWER = (
+    "bsdf", "balance", "nee", "fixed 0.2", "murray20", "pooled", "auto", "counts", "guided", "variance_aware",
+    "optimal",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("labels", [FEWER, pytest.param(tuple(METHODS), marks=pytest.mark.slow)], ids=["fewer", "all"])
@@ -99,6 +104,8 @@ FEW: dict[str, dict[str, Any]] = {
     "kl-em": {"method": "kl-em", "learn_rounds": 7, "learn_spp": 2},
     "pooled": {"method": "pooled", "learn_rounds": 4, "learn_spp": 2},
     "auto": {"method": "auto"},
+    "variance_aware": {"method": "variance_aware", "learn_spp": 1},
+    "optimal": {"method": "optimal", "learn_spp": 2},
 }
 FEW_SEEDS = {"murray20": 80, "sbert19": 150, "kl-em": 50, "pooled": 46, "auto": 24}
 

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments
+from warpmis.kernels.moments import SHADOW_RAY_COST, Layout, make_moments, squared
+from warpmis.kernels.shading_frame import luminance
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
@@ -34,10 +35,36 @@ def make_sums_of_parts(PathState: type, is_on: bool) -> SimpleNamespace:
     return SimpleNamespace(vec_k=vec_k, is_on=is_on, add=add)
 
 
+def make_sums_of_pair(PathState: type, layout: Layout) -> SimpleNamespace:
+    """The same for kernels that learn how to join next-event estimation's two samples (path/weighted_pair.py)."""
+    vec_k = layout.vec
+    is_on = layout.size > 0
+    mean, now, control = layout.offset("mean"), layout.offset("between_rounds") + 1, layout.offset("control")
+
+    @wp.func
+    def add(sums: wp.ref[vec_k], path: wp.ref[PathState], direct_only: bool):
+        if wp.static(is_on):
+            F = path.record.light + path.record.bsdf
+            sums[wp.static(mean)] += wp.float64(luminance(F))
+            sums[wp.static(mean + 1)] += squared(F)
+            if wp.static(now > 0):
+                sums[wp.static(now)] += wp.float64(luminance(path.record.light))
+                sums[wp.static(now + 1)] += wp.float64(luminance(path.record.bsdf))
+            if wp.static(control >= 0):
+                c = path.estimate.control
+                for color in range(3):
+                    sums[wp.static(control) + color] += wp.float64(F[color] * c)
+                sums[wp.static(control + 3)] += wp.float64(c * c)
+
+    return SimpleNamespace(vec_k=vec_k, is_on=is_on, add=add)
+
+
 def make_learning(features: Features, path: SimpleNamespace) -> SimpleNamespace:
     """The type vec_k of a pixel's moments; is_on, whether there are any; and add, which adds a path to them."""
     if features.allocation == "counts":
         return make_sums_of_parts(path.PathState, "parts" in features.statistics)
+    if features.allocation in ("weights", "control"):
+        return make_sums_of_pair(path.PathState, Layout(0, features.statistics))
     strategies = path.strategies
     layout = Layout(strategies.count if strategies.count > 1 else 0, features.statistics)
     moments = make_moments(layout)

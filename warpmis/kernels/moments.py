@@ -16,6 +16,13 @@ A method may ask for more (Method.statistics), Y being the luminance of F:
                 roulette sets in. From there on a path lives in proportion to its throughput f / p_a, so that all
                 allocations spend the same on this part, B
 
+Of next-event estimation's light sample and BSDF sample (path/weighted_pair.py) there are no moments but these, F being
+what both bring straight from the lights:
+
+    between_rounds  number of rounds; then of each sample's part of Y: sums of the present round, sums of all rounds,
+                    and the variance of a round's sum (learn/variance_aware.py)
+    control         E[F c] for each colour, and E[c^2], of the control c
+
 Reference: Sbert, Havran, Szirmay-Kalos (2019); Murray et al. (2020), equations 5 and 10.
 """
 
@@ -42,7 +49,7 @@ class Layout:
 
     def _sizes(self) -> dict[str, int]:
         count = self.strategies
-        sizes = {"mean": 2, "posterior": count, "cost": count}
+        sizes = {"mean": 2, "posterior": count, "cost": count, "between_rounds": 7, "control": 4}
         return {name: sizes[name] for name in self.statistics}
 
     @property
@@ -58,11 +65,14 @@ class Layout:
         return -1
 
     def power(self, entry: int) -> int:
-        """How often radiance is a factor of the entry: 2 for moments of F^2, 1 for those of F, 0 for costs."""
+        """How often radiance is a factor of the entry: 2 for moments of F^2, 1 for those of F, 0 for costs, controls
+        and numbers."""
         powers = {
             "mean": (1, 2),
             "posterior": (1,) * self.strategies,
             "cost": (0,) * self.strategies,
+            "between_rounds": (0, 1, 1, 1, 1, 2, 2),
+            "control": (1, 1, 1, 0),
         }
         for name in self.statistics:
             place = entry - self.offset(name)

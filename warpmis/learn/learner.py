@@ -8,9 +8,11 @@ import warp as wp
 
 from warpmis.device.views import FilmView
 from warpmis.kernels.moments import Layout
+from warpmis.learn.control_variate import make_in_radiance
 from warpmis.learn.neighbours import Neighbours
 from warpmis.learn.solver import Launch, Problem
 from warpmis.learn.solvers import SOLVERS
+from warpmis.learn.variance_aware import make_end_round
 from warpmis.learn.whole_samples import make_whole_samples, rounds_well
 from warpmis.methods import Method
 
@@ -37,8 +39,11 @@ class Learner:
         self.method = method
         pixels = size[0] * size[1]
         self.count = len(strategies)
-        self.whole_samples = make_whole_samples(self.count)
-        self.layout = Layout(self.count if self.count > 1 else 0, method.statistics)
+        is_mixture = self.count > 1 and not method.is_of_pair
+        self.layout = Layout(self.count if is_mixture else 0, method.statistics)
+        self.whole_samples = None if method.is_of_pair else make_whole_samples(self.count)
+        self.end_round = make_end_round(self.layout) if "between_rounds" in method.statistics else None
+        self.in_radiance = make_in_radiance() if method.allocation == "control" else None
         self.problem = Problem(method, self.layout, pixels, device, stratified, lattice)
         self.moments = allocate_moments(self.layout, pixels, device)
         self.plain_moments = self.moments
@@ -52,8 +57,10 @@ class Learner:
     @property
     def kernels(self) -> list[wp.Kernel]:
         """All that will be launched, so that they can be compiled beforehand."""
-        solver = [*self.solver.kernels(), self.whole_samples] if self.solver else []
-        return [*solver, *self.neighbours.kernels] if self.neighbours else solver
+        if self.solver is None:
+            return []
+        own = [kernel for kernel in (self.whole_samples, self.end_round, self.in_radiance) if kernel is not None]
+        return [*self.solver.kernels(), *own, *(self.neighbours.kernels if self.neighbours else [])]
 
     @property
     def buffers(self) -> list[Any]:
@@ -73,13 +80,17 @@ class Learner:
         """Replace the pixels' shares by the next ones; `film` holds the samples of the moments."""
         assert self.solver is not None
         moments = self.moments
+        if self.end_round:
+            launch(self.end_round, [moments])
         if self.neighbours:
             moments = self.neighbours.pool(self.moments, film, launch)
         self.solver.step(moments, shares, launch)
+        if self.neighbours and self.in_radiance:
+            launch(self.in_radiance, [self.neighbours.brightness, shares])
 
     def round_to_samples(self, shares: wp.array, samples: int, launch: Launch) -> None:
         """Make the shares whole numbers of samples, for a round of so many, where that is worth it."""
-        if self.problem.stratified and rounds_well(samples, self.count):
+        if self.whole_samples and self.problem.stratified and rounds_well(samples, self.count):
             launch(self.whole_samples, [shares, samples, self.problem.min_share])
 
 

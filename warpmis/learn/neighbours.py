@@ -18,6 +18,7 @@ class Neighbours:
 
     Attributes:
         pooled: relative moments, pooled, a row of the layout a pixel.
+        brightness: each pixel's, to turn what was learned from relative moments into radiance.
     """
 
     def __init__(self, layout: Layout, radius: int, size: tuple[int, int], device: str) -> None:
@@ -28,6 +29,7 @@ class Neighbours:
         self.guides = wp.zeros(pixels, dtype=Guide, device=device)
         self.pooled, self.row_pooled = (wp.zeros(pixels, dtype=layout.relative_vec, device=device) for _ in range(2))
         self.weights, self.row_weights = (wp.zeros(pixels, dtype=wp.float32, device=device) for _ in range(2))
+        self.brightness = wp.zeros(pixels, dtype=wp.float32, device=device)
         self.sums = wp.zeros(self.height, dtype=layout.relative_vec, device=device)
         self.counts = wp.zeros(self.height, dtype=wp.float32, device=device)
 
@@ -38,7 +40,8 @@ class Neighbours:
     @property
     def buffers(self) -> list[wp.array]:
         lines = [self.sums, self.counts]
-        return [self.guides, self.pooled, self.weights, self.row_pooled, self.row_weights, *lines]
+        own = [self.guides, self.pooled, self.weights, self.brightness]
+        return [*own, self.row_pooled, self.row_weights, *lines]
 
     def pool(self, moments: wp.array, film: FilmView, launch: Launch) -> wp.array:
         """Fill `pooled`, and return it; `film` holds the samples of the moments."""
@@ -47,7 +50,7 @@ class Neighbours:
         floor = FLOOR * float(usable.sum()) / max(int(film.accepted.numpy().sum()), 1)
         size = [self.width, self.height]
         own, rows = [self.pooled, self.weights], [self.row_pooled, self.row_weights]
-        launch(self.relative, [moments, film, *size, floor, *own, self.guides])
+        launch(self.relative, [moments, film, *size, floor, *own, self.guides, self.brightness])
         prior = self._prior(film)
         line = [self.guides, *size, self.radius]
         launch(self.pool_line, [*own, *line, 1, self.layout.relative_vec(), 0.0, *rows])

@@ -65,9 +65,11 @@ def similarity(a: Guide, b: Guide) -> float:
 
 @kernel_factory
 def make_relative(layout: Layout) -> KernelFunction:
-    """Kernel: (first pixel, moments, film, width, height, floor) -> each pixel's relative moments, weight and guide.
+    """Kernel: (first pixel, moments, film, width, height, floor) -> each pixel's relative moments, weight, guide and
+    brightness.
 
-    The weight is 1, or 0 where nothing was sampled.
+    The weight is 1, or 0 where nothing was sampled. The brightness is the pixel's own mean, at most that of its
+    surroundings: few samples of rare bright light tell too much, and at the edge of a highlight its surroundings do.
     """
     vec_k = layout.vec
     vec_r = layout.relative_vec
@@ -85,6 +87,7 @@ def make_relative(layout: Layout) -> KernelFunction:
         own: wp.array(dtype=vec_r),
         weights: wp.array(dtype=float),
         guides: wp.array(dtype=Guide),
+        own_brightness: wp.array(dtype=float),
     ):
         pixel = first + wp.tid()
         total = wp.float64(0.0)
@@ -103,10 +106,12 @@ def make_relative(layout: Layout) -> KernelFunction:
         if brightness > wp.float64(0.0) and wp.isfinite(brightness):
             scale = wp.float64(1.0) / brightness
         weights[pixel] = 0.0
+        own_brightness[pixel] = 0.0
         part = vec_r()
         if film.accepted[pixel] > 0:
             weights[pixel] = 1.0
             per_sample = wp.float64(1.0) / wp.float64(film.accepted[pixel])
+            own_brightness[pixel] = float(wp.min(moments[pixel][wp.static(mean)] * per_sample, brightness))
             for k in range(wp.static(size)):
                 if wp.static(powers[k] == 0):
                     part[k] = float(moments[pixel][k] * per_sample)

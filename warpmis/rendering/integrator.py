@@ -25,7 +25,9 @@ from warpmis.rendering.tracer import RoundTracer, Target
 
 
 def allocation_of(config: RenderConfig, width: int, height: int) -> NDArray[np.float32]:
-    """The shares before the first round, shape (H * W, S)."""
+    """The shares before the first round, shape (H * W, S); of a control the coefficients, shape (H * W, 3)."""
+    if config.how.allocation == "control":
+        return np.zeros((height * width, 3), dtype=np.float32)
     count = len(config.strategies)
     shares: NDArray[np.float32] = np.full(count, 1.0 / count, dtype=np.float32)
     if config.method == "fixed":

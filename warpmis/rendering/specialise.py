@@ -26,7 +26,7 @@ def features_of(scene: Scene, config: RenderConfig, features: Features | None = 
     strategies = config.strategies if config.method != "nee" and config.how.has_strategies else ()
     features = features or detect(scene).with_depth(config.max_depth)
     features = features.with_strategies(strategies, config.how.statistics).with_sampler(config.sampler)
-    features = features.with_allocation("counts" if config.how.counts else "shares")
+    features = features.with_allocation(config.how.allocation)
     features = features.with_contributions("apart" if asks_for_light(config.aov) else "summed")
     return features.with_tree(tree_of(config.device))
 
@@ -56,7 +56,7 @@ def kernels_of(features: Features, config: RenderConfig) -> RunKernels:
         if config.how.tries:
             return RunKernels((plain, *tree, *ids), tuple(guided))
         return RunKernels((*guided, *tree, *ids), (plain,))
-    if config.how.counts:
+    if config.how.allocation == "counts":
         return RunKernels((pilot_kernel(features), *tree, plain_kernel(features), *ids), (make_trace(features),))
     learn, shared = trace_kernels(features)
     return RunKernels((learn, *tree, *learner_of(features, config, (1, 1)).kernels, shared, *ids), ())

@@ -47,7 +47,8 @@ class Features:
         strategies: names of the mixture's strategies at the first vertex; () is plain next-event estimation.
         statistics: what learning adds up beside the moments (methods.py).
         cache: a spatial cache guides paths at every vertex.
-        allocation: what a pixel's numbers are: "shares" of the strategies in one direction, or "counts" of samples.
+        allocation: what a pixel's numbers are: "shares" of the strategies in one direction; or of next-event
+            estimation's two samples "counts", "weights", or coefficients of their "control".
         contributions: "summed", or "apart": light is kept apart by the path that it took, for AOVs.
         sampler: what the numbers of a path are: a lattice up to the first vertex, or independent.
         tree: what rays are traced through: "wide" nodes for a CPU, or "warp", Warp's own mesh, for a GPU.

@@ -12,11 +12,13 @@ from warpmis.config import CELL_STRATEGIES, DEFAULT_STRATEGIES, STRATEGIES
 from warpmis.kernels.identify import make_identify
 from warpmis.kernels.moments import Layout
 from warpmis.kernels.trace import make_trace
+from warpmis.learn.control_variate import make_control_variate, make_in_radiance
 from warpmis.learn.expectation import make_expectation
 from warpmis.learn.newton_seed import make_newton_seed
 from warpmis.learn.newton_share import make_newton_share
 from warpmis.learn.newton_simplex import make_newton_simplex
 from warpmis.learn.pooling import make_pool, make_relative, make_row_sums
+from warpmis.learn.variance_aware import make_end_round, make_variance_aware
 from warpmis.learn.whole_samples import make_whole_samples
 from warpmis.methods import METHODS
 from warpmis.scene.features import Features
@@ -33,6 +35,9 @@ MOST = replace(
 POOLED = Layout(2, METHODS["pooled"].statistics)
 COST_AWARE = METHODS["cost-aware"].statistics
 COUNTS = FEW.with_strategies(DEFAULT_STRATEGIES).with_allocation("counts")
+WEIGHTS = FEW.with_strategies(DEFAULT_STRATEGIES).with_allocation("weights")
+CONTROL = replace(FEW, mesh_light=True).with_strategies(DEFAULT_STRATEGIES).with_allocation("control")
+OF_WEIGHTS, OF_CONTROL = METHODS["variance_aware"].statistics, METHODS["optimal"].statistics
 KERNELS = {
     "trace, every effect, mixture": lambda: make_trace(EVERY.with_strategies(STRATEGIES)),
     "trace, every effect, next-event estimation": lambda: make_trace(EVERY),
@@ -41,6 +46,9 @@ KERNELS = {
     "trace, few effects, cost-aware": lambda: make_trace(FEW.with_strategies(DEFAULT_STRATEGIES, COST_AWARE)),
     "trace, few effects, counts": lambda: make_trace(COUNTS),
     "trace, few effects, pilot of counts": lambda: make_trace(COUNTS.with_strategies(DEFAULT_STRATEGIES, ("parts",))),
+    "trace, few effects, weights": lambda: make_trace(WEIGHTS),
+    "trace, few effects, pilot of weights": lambda: make_trace(WEIGHTS.with_strategies(DEFAULT_STRATEGIES, OF_WEIGHTS)),
+    "trace, few effects, control": lambda: make_trace(CONTROL),
     "trace, most effects, next-event estimation": lambda: make_trace(MOST),
     "trace, every effect, guided": lambda: make_trace(EVERY.with_cache()),
     "trace, few effects, mixture by cells": lambda: make_trace(FEW.with_strategies(CELL_STRATEGIES).with_cache()),
@@ -49,6 +57,10 @@ KERNELS = {
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
     "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, COST_AWARE)),
     "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
+    "end of a round": lambda: make_end_round(Layout(0, OF_WEIGHTS)),
+    "weights by variances": lambda: make_variance_aware(Layout(0, OF_WEIGHTS)),
+    "control variate": lambda: make_control_variate(Layout(0, OF_CONTROL)),
+    "control variate in radiance": make_in_radiance,
     "relative": lambda: make_relative(POOLED),
     "row sums": lambda: make_row_sums(POOLED),
     "pool": lambda: make_pool(POOLED),

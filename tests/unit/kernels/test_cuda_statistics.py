@@ -21,7 +21,8 @@ BY_STATISTICS = {method.statistics: name for name, method in reversed(METHODS.it
 def test_statistics_of_a_method_compile_for_cuda(name: str, tmp_path: Path) -> None:
     method = METHODS[name]
     strategies = DEFAULT_STRATEGIES if method.two_strategies else STRATEGIES
-    compile_for_cuda(Features(tree="warp").with_strategies(strategies, method.statistics), tmp_path)
+    features = Features(tree="warp").with_strategies(strategies, method.statistics)
+    compile_for_cuda(features.with_allocation(method.allocation), tmp_path)
 
 
 def test_paths_by_the_cache_compile_for_cuda(tmp_path: Path) -> None:

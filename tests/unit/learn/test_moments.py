@@ -79,7 +79,7 @@ def test_radiance_of_the_largest_float32_does_not_overflow() -> None:
 @pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.learns])
 def test_layout_has_every_number_once(method: str, count: int) -> None:
     layout = Layout(count, METHODS[method].statistics)
-    sizes = {"mean": 2, "posterior": count, "cost": count}
+    sizes = {"mean": 2, "posterior": count, "cost": count, "between_rounds": 7, "control": 4}
     at = count + count * (count + 1) // 2
     for name in METHODS[method].statistics:
         assert layout.offset(name) == at

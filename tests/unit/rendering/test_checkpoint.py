@@ -77,6 +77,8 @@ METHODS: dict[str, dict[str, Any]] = {
     "auto": {"method": "auto"},
     "pooled": {"method": "pooled", "learn_rounds": 2, "learn_spp": 8},
     "counts": {"method": "counts"},
+    "variance_aware": {"method": "variance_aware"},
+    "optimal": {"method": "optimal"},
     "guided": {"method": "guided"},
     "cells": {"method": "cells", "strategies": ("bsdf", "light", "guide")},
     "guided to a target": {"method": "guided", "target_error": 0.05, "spp": 512},

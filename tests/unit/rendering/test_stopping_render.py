@@ -20,7 +20,7 @@ def render(**settings: object) -> warpmis.RenderResult:
     return warpmis.render(SCENE, **settings)
 
 
-@pytest.mark.parametrize("method", ["auto", "guided", "pooled", "nee"])
+@pytest.mark.parametrize("method", ["auto", "guided", "pooled", "nee", "variance_aware", "optimal"])
 @pytest.mark.parametrize("sampler", ["lattice", "independent"])
 def test_every_pixel_has_as_many_samples(method: str, sampler: str) -> None:
     stopped = render(method=method, seed=3, sampler=sampler, target_error=0.2)

@@ -18,7 +18,6 @@ from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
 from warpmis.kernels.lattice import moved_on
 from warpmis.kernels.light.records import Receiver
-from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
 
 wp.set_module_options({"enable_backward": False})
@@ -50,9 +49,7 @@ def make_counts(
     strategies: SimpleNamespace,
     surface: SimpleNamespace,
     lights: SimpleNamespace,
-    direct_light: SimpleNamespace,
     next_event: SimpleNamespace,
-    contributions: SimpleNamespace,
     record: SimpleNamespace,
     survives_roulette: wp.Function,
 ) -> SimpleNamespace:
@@ -82,17 +79,6 @@ def make_counts(
         vertex.u_light[3] = moved_on(first[3], steps[8], part)
 
     @wp.func
-    def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], count: float, ratio: float):
-        """One of `count`; ratio: of their number to that of the directions that are drawn."""
-        sample = direct_light.light_sample(scene, path.receiver, vertex)
-        if sample.pdf > 0.0:
-            weight = balance_weight(sample.pdf * ratio, sample.pdf_bsdf) / (sample.pdf * count)
-            radiance = wp.cw_mul(path.beta, direct_light.shadowed(scene, path.receiver, sample) * weight)
-            path.L += radiance
-            contributions.light_sample(scene, path, radiance, sample.diffuse, path.receiver.choice.light)
-            path.shadow_rays += 1
-
-    @wp.func
     def keep(path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         """Keep the vertex for its branches, which have equal parts of the throughput."""
         path.beta = path.beta / float(path.estimate.paths)
@@ -117,7 +103,7 @@ def make_counts(
         for sample in range(count):
             if sample > 0:
                 choose_light(scene, path, vertex, u, float(sample) / float(count))
-            add_light_sample(scene, path, vertex, float(count), ratio)
+            next_event.add_weighted_light_sample(scene, path, vertex, float(count), ratio)
             if path.is_first:
                 record.light_sample(path, sample, count)
 

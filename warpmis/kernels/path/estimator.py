@@ -18,11 +18,20 @@ from warpmis.kernels.path.record import NoRecord, Record, make_record, no_record
 from warpmis.kernels.path.state import make_state
 from warpmis.kernels.path.throughput import make_roulette
 from warpmis.kernels.path.vertex_records import make_vertex_records
+from warpmis.kernels.path.weighted_pair import (
+    PairEstimate,
+    make_control,
+    make_pair_record,
+    make_weighted_pair,
+    pair_record_type,
+)
 from warpmis.kernels.shading_frame import Frame
 from warpmis.kernels.strategies import make_strategies
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
+
+vec_colors = wp.types.vector(length=3, dtype=wp.float32)
 
 
 @dataclass(frozen=True)
@@ -61,14 +70,17 @@ def make_estimator(
     """The estimator's functions (next_event.py), its `record` and `contributions`, the type PathState, and the
     `strategies` among which a pixel shares its samples.
 
-    By the spatial cache where there is one, with strategies by the mixture of them at every vertex; or by counts of
-    samples where pixels have those. Else next-event estimation without strategies, and with them their mixture.
+    By the spatial cache where there is one, with strategies by the mixture of them at every vertex; or by counts,
+    weights or a control of the pair of samples where pixels have those. Else next-event estimation without strategies,
+    and with them their mixture.
     """
     parts = Parts(features, surface, lights, direct_light, sampler)
     if features.cache:
         estimator = _cell_mixture(parts) if features.strategies else _guided(parts)
     elif features.allocation == "counts":
         estimator = _counts(parts)
+    elif features.allocation in ("weights", "control"):
+        estimator = _weighted_pair(parts)
     else:
         estimator = _mixture(parts) if features.strategies else _next_event(parts)
     if not hasattr(estimator, "arrive"):
@@ -112,9 +124,24 @@ def _counts(parts: Parts) -> SimpleNamespace:
     record = make_parts(PathState, learns)
     next_event = parts.next_event(PathState, strategies.vec_s, contributions)
     survives = parts.survives(PathState, record)
-    own = parts.surface, parts.lights, parts.direct_light
-    estimator = make_counts(PathState, strategies, *own, next_event, contributions, record, survives)
+    estimator = make_counts(PathState, strategies, parts.surface, parts.lights, next_event, record, survives)
     return _whole(estimator, PathState, contributions, record, strategies)
+
+
+def _weighted_pair(parts: Parts) -> SimpleNamespace:
+    features, strategies = parts.features, parts.strategies(parts.features.strategies)
+    learns, has_control = bool(features.statistics), features.allocation == "control"
+    PathState, contributions = parts.state(PairEstimate, pair_record_type(learns))
+    record = make_pair_record(PathState, learns)
+    control = make_control(features, PathState, parts.surface, parts.lights)
+    next_event = parts.next_event(PathState, strategies.vec_s, contributions)
+    survives = parts.survives(PathState, record)
+    # A weight for each strategy, or a coefficient for each colour.
+    allocation = SimpleNamespace(vec_s=vec_colors, count=3) if has_control else strategies
+    estimator = make_weighted_pair(
+        PathState, allocation.vec_s, strategies, control, has_control, next_event, record, survives, learns
+    )
+    return _whole(estimator, PathState, contributions, record, allocation)
 
 
 def _next_event(parts: Parts) -> SimpleNamespace:

@@ -13,8 +13,9 @@ import warp as wp
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
-from warpmis.kernels.direct_light import DirectLight
+from warpmis.kernels.direct_light import DirectLight, ScatteredLight
 from warpmis.kernels.light.on_ray import LightsOnRay
+from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import Frame, to_world
 
@@ -33,7 +34,8 @@ def make_next_event(
     direct_light: SimpleNamespace,
     contributions: SimpleNamespace,
 ) -> SimpleNamespace:
-    """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, asks_whole_line, weigh_ray."""
+    """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, asks_whole_line, weigh_ray; its parts
+    add_light_sample, add_weighted_light_sample, draw_direction."""
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -55,6 +57,20 @@ def make_next_event(
     def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         """On the side of an interface to which the path does not go."""
         add_light_sample(scene, path, vertex)
+
+    @wp.func
+    def add_weighted_light_sample(
+        scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], count: float, ratio: float
+    ) -> ScatteredLight:
+        """One of `count`; ratio: of the weight of their density to that of the directions' that are drawn."""
+        sample = direct_light.light_sample(scene, path.receiver, vertex)
+        if sample.pdf > 0.0:
+            weight = balance_weight(sample.pdf * ratio, sample.pdf_bsdf) / (sample.pdf * count)
+            radiance = wp.cw_mul(path.beta, direct_light.shadowed(scene, path.receiver, sample) * weight)
+            path.L += radiance
+            contributions.light_sample(scene, path, radiance, sample.diffuse, path.receiver.choice.light)
+            path.shadow_rays += 1
+        return sample
 
     @wp.func
     def draw_direction(path: wp.ref[PathState], vertex: wp.ref[Vertex]):
@@ -98,5 +114,6 @@ def make_next_event(
         asks_whole_line=asks_whole_line,
         weigh_ray=weigh_ray,
         add_light_sample=add_light_sample,
+        add_weighted_light_sample=add_weighted_light_sample,
         draw_direction=draw_direction,
     )
