@@ -107,7 +107,7 @@ FEW: dict[str, dict[str, Any]] = {
     "variance_aware": {"method": "variance_aware", "learn_spp": 1},
     "optimal": {"method": "optimal", "learn_spp": 2},
 }
-FEW_SEEDS = {"murray20": 80, "sbert19": 150, "kl-em": 50, "pooled": 46, "auto": 24}
+FEW_SEEDS = {"murray20": 80, "sbert19": 150, "kl-em": 50, "pooled": 46, "auto": 24, "variance_aware": 30, "optimal": 30}
 
 
 def test_learning_from_few_samples_is_unbiased() -> None:

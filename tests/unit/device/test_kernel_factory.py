@@ -111,6 +111,8 @@ def factories() -> Iterator[tuple[str, Callable[..., wp.Kernel]]]:
 
 
 TWO = Layout(2, METHODS["pooled"].statistics)
+WEIGHTS, OTHER_WEIGHTS = (Layout(2, (*METHODS["variance_aware"].statistics, *more)) for more in ((), ("mean",)))
+CONTROL, OTHER_CONTROL = (Layout(2, (*METHODS["optimal"].statistics, *more)) for more in ((), ("mean",)))
 THREE, FOUR = (Layout(count, METHODS["cost-aware"].statistics) for count in (3, 4))
 
 # Arguments that differ as little as they can.
@@ -132,6 +134,10 @@ DIFFERING: dict[str, list[tuple[Any, ...]]] = {
     "make_newton_share": [(Layout(2),), (Layout(2, ("mean",)),)],
     "make_newton_simplex": [(THREE,), (FOUR,)],
     "make_whole_samples": [(2,), (3,)],
+    "make_end_round": [(WEIGHTS,), (OTHER_WEIGHTS,)],
+    "make_variance_aware": [(WEIGHTS,), (OTHER_WEIGHTS,)],
+    "make_control_variate": [(CONTROL,), (OTHER_CONTROL,)],
+    "make_in_radiance": [()],
 }
 
 
