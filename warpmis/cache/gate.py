@@ -22,7 +22,7 @@ PILOT_PIXELS = 1024
 PILOT_SAMPLES = 8
 # Of small renders the pilot takes this part at most; those of fewer samples in all are not worth a pilot.
 PILOT_SHARE = 1.0 / 16.0
-FEWEST_SAMPLES = 1 << 16
+FEWEST_SAMPLES = 1 << 18
 # Relative variance of one sample below which a cache has nothing to learn.
 QUIET = 0.75
 # Time of a ray of a guided path over that of one without.
