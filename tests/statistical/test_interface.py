@@ -26,6 +26,7 @@ from warpmis.device.views import MaterialView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.dielectric import sample_interface
 from warpmis.kernels.bsdf.rough_interface import evaluate_side, side_of, to_other_side
+from warpmis.methods import METHODS
 from warpmis.scene import DomeLight, Material, RectLight, Scene, SphereLight
 
 FloatArray = NDArray[np.float64]
@@ -225,6 +226,22 @@ def test_all_methods_make_the_same_picture_of_glass(a: str, b: str) -> None:
     level = sidak(0.01, len(PAIRS) * REGIONS)
     assert paired_p_values(pictures(a), pictures(b)).min() > level
     assert caught_bias(pictures(a), pictures(b), level) < 0.03
+
+
+# `fixed` is a method of given shares.
+OTHERS = sorted(set(METHODS) - {"fixed"} - {settings["method"] for settings in WAYS.values()})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", OTHERS)
+def test_the_other_methods_make_that_picture_too(method: str) -> None:
+    level = sidak(0.01, len(OTHERS) * REGIONS)
+    found = np.array(
+        [block_means(warpmis.render(still_life(), method=method, spp=256, seed=k).image) for k in range(24)]
+    )
+    expected = np.concatenate([pictures("nee"), pictures("nee, no light samples at glass")])
+    assert paired_p_values(found, expected).min() > level
+    assert caught_bias(found, expected, level) < 0.05
 
 
 def frosted(lamp: SphereLight, **glass: Any) -> Scene:
