@@ -62,7 +62,7 @@ def evaluate(
 ):
     i = wp.tid()
     wi = wis[i]
-    side = side_of(material, wo, front, wi[2] < 0.0)
+    side = side_of(material, front, wi[2] < 0.0)
     if side.is_beyond:
         wi = to_other_side(wi)
     s = evaluate_side(side, wo, material.alpha, wi)

@@ -71,7 +71,7 @@ def chance_beyond(side: InterfaceSide, wo: wp.vec3, alpha: float) -> float:
 
 
 @wp.func
-def side_of(material: MaterialView, wo: wp.vec3, is_front: bool, is_beyond: bool) -> InterfaceSide:
+def side_of(material: MaterialView, is_front: bool, is_beyond: bool) -> InterfaceSide:
     side = InterfaceSide()
     side.is_present = True
     side.is_beyond = is_beyond
@@ -79,8 +79,6 @@ def side_of(material: MaterialView, wo: wp.vec3, is_front: bool, is_beyond: bool
     side.eta = wp.where(is_front, material.ior, 1.0 / material.ior)
     side.ior = material.ior
     side.tint = material.tint
-    beyond = chance_beyond(side, wo, material.alpha)
-    side.chance = wp.where(is_beyond, beyond, 1.0 - beyond)
     return side
 
 

@@ -28,13 +28,12 @@ ALONE = wp.constant(1.0e20)
 
 @wp.struct
 class CountsEstimate:
-    """lights, paths: counts of samples at the first vertex; branches: paths, once there is one; is_first: whether the
-    present vertex is that. The others are the first vertex as its next branch finds it, and the lattice's steps."""
+    """lights, paths: counts of samples at the first vertex; branches: paths, once there is one. The others are the
+    first vertex as its next branch finds it, and the lattice's steps."""
 
     lights: int
     paths: int
     branches: int
-    is_first: bool
     step: int
     bounces: int
     vertex: Vertex
@@ -83,7 +82,6 @@ def make_counts(
         """Keep the vertex for its branches, which have equal parts of the throughput."""
         path.beta = path.beta / float(path.estimate.paths)
         path.estimate.branches = path.estimate.paths
-        path.estimate.is_first = True
         if path.estimate.paths > 1:
             path.estimate.vertex = vertex
             path.estimate.bounces = path.bounces
@@ -132,7 +130,7 @@ def make_counts(
         path.origin = path.estimate.origin
         path.beta = path.estimate.beta
         path.travelled = 0.0
-        path.estimate.is_first = True
+        path.is_first = True
         next_event.draw_direction(path, vertex)
         own = key
         own.seed = key.seed ^ (wp.uint32(branch) << wp.uint32(24))
@@ -149,8 +147,7 @@ def make_counts(
     ) -> bool:
         """Roulette. The density against which the lights on the ray are weighed becomes that of all paths, for each
         light sample."""
-        if path.estimate.is_first:
-            path.estimate.is_first = False
+        if path.is_first:
             path.estimate.step = step
             ratio = float(path.estimate.paths) / float(path.estimate.lights)
             path.pdf = path.pdf * wp.where(path.estimate.lights > 0, ratio, ALONE)

@@ -80,7 +80,9 @@ def make_guided(
 
     @wp.func
     def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], cell: int) -> float:
-        """What the light sample adds to the path, per throughput; its luminance is returned."""
+        """What the light sample adds to the path, if it is taken, per throughput; its luminance is returned."""
+        if vertex.u_cache[1] >= path.estimate.light_rate:
+            return 0.0
         light = direct_light.light_sample(scene, path.receiver, vertex)
         if light.pdf <= 0.0:
             return 0.0
@@ -146,16 +148,12 @@ def make_guided(
 
     @wp.func
     def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
-        cell = look_up(scene, path, vertex)
-        if vertex.u_cache[1] < path.estimate.light_rate:
-            add_light_sample(scene, path, vertex, cell)
+        add_light_sample(scene, path, vertex, look_up(scene, path, vertex))
 
     @wp.func
     def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         cell = look_up(scene, path, vertex)
-        sampled = float(0.0)
-        if vertex.u_cache[1] < path.estimate.light_rate:
-            sampled = add_light_sample(scene, path, vertex, cell)
+        sampled = add_light_sample(scene, path, vertex, cell)
         draw_direction(scene, path, vertex, cell)
         record.vertex(scene, path, vertex.frame.n, sampled * sampled * path.estimate.light_rate)
 

@@ -10,7 +10,7 @@ import warp as wp
 from warpmis.device.views import MaterialView, SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.dielectric import sample_interface
-from warpmis.kernels.bsdf.rough_interface import InterfaceSide, side_of, to_other_side, turned
+from warpmis.kernels.bsdf.rough_interface import InterfaceSide, chance_beyond, side_of, to_other_side, turned
 from warpmis.kernels.hit import Hit
 from warpmis.kernels.shading_frame import Frame
 from warpmis.scene.features import Features
@@ -27,7 +27,6 @@ def make_interface(
     sampler: SimpleNamespace,
 ) -> SimpleNamespace:
     """Functions: cross, add_light_and_choose_side."""
-
     contributions = estimator.contributions
 
     @wp.func
@@ -88,7 +87,6 @@ def make_interface(
         if side.is_beyond:
             go_beyond(path, hit, material)
             turn(hit, frame)
-        contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), side.is_beyond)
         vertex = vertices.prepare(scene, path, hit, material, frame, wo, side, key, step)
         if wp.static(features.delta_light):
             vertices.add_delta_light(scene, path, vertex)
@@ -112,8 +110,10 @@ def make_interface(
     ) -> InterfaceSide:
         """Turn the hit and its frame to the side where the path goes on, and add the light that the other samples."""
         path.is_first = False
-        near = side_of(material, wo, hit.is_front, False)
-        beyond = side_of(material, wo, hit.is_front, True)
+        near = side_of(material, hit.is_front, False)
+        beyond = side_of(material, hit.is_front, True)
+        beyond.chance = chance_beyond(beyond, wo, material.alpha)
+        near.chance = 1.0 - beyond.chance
         goes_beyond = u < beyond.chance
         if estimator.draws_by_bsdf(scene, path, frame, beyond.chance, key, step):
             drawn = sample_interface(material, wo, hit.is_front, u, sampler.independent_of_step(key, step, rng.SCATTER))
@@ -122,12 +122,10 @@ def make_interface(
             beyond.drawn = to_other_side(drawn.wi)
         if not goes_beyond:
             add_light(scene, path, hit, material, frame, wo, beyond, key, step)
-            contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), False)
             return near
         add_light(scene, path, hit, material, frame, wo, near, key, step)
         go_beyond(path, hit, material)
         turn(hit, frame)
-        contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), True)
         return beyond
 
     return SimpleNamespace(cross=cross, add_light_and_choose_side=add_light_and_choose_side)

@@ -97,6 +97,7 @@ def make_vertex(
         if wp.static(features.rough_transmission):
             if side.is_present:
                 vertex.surface = surface.on_side(side, material, wo)
+                contributions.scatter(path, wp.vec3(0.0, 0.0, 0.0), side.is_beyond)
         if not side.is_present:
             vertex.surface = surface.prepare(scene, material, wo)
         prim = int(0)
