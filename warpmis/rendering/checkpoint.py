@@ -224,8 +224,8 @@ class CheckpointPart:
             self.checkpoint.save(self.name, self.scene, run.state())
 
     def interrupted(self, run: Run) -> None:
-        """Save what there is, unless it came between two things that belong together: then the file stays as it is."""
-        if run.integrator.settled:
+        """Save what there is; before the first pass the file stays as it was."""
+        if run.integrator.has_state:
             self.checkpoint.save(self.name, self.scene, run.state())
 
 

@@ -23,6 +23,7 @@ from warpmis.learn.schedule import Round
 from warpmis.rendering import cluster_worker
 from warpmis.rendering.cluster_worker import Job, Task, Traced
 from warpmis.rendering.fingerprint import program_fingerprint, scene_fingerprint
+from warpmis.rendering.held import interrupts_held
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.run import Run
 
@@ -259,13 +260,12 @@ def is_loss(failure: object) -> bool:
 
 def put(integrator: Integrator, part: Round, rows: range, found: Traced) -> None:
     """What a task brought, where it belongs."""
-    integrator.settled = False
     span = slice(rows.start, rows.stop)
-    for name, sums in integrator.sums_of(part).items():
-        restore(sums, found.sums[name], span)
-    integrator.put_records(found.records)
-    integrator.traced[span] = True
-    integrator.settled = True
+    with interrupts_held():
+        for name, sums in integrator.sums_of(part).items():
+            restore(sums, found.sums[name], span)
+        integrator.put_records(found.records)
+        integrator.traced[span] = True
 
 
 # ---- clusters -------------------------------------------------------------------------------------------------------

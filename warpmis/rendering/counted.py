@@ -19,6 +19,7 @@ from warpmis.kernels.path.parts import RAYS, SHADOW_RAYS
 from warpmis.kernels.trace import make_trace
 from warpmis.learn.sample_counts import Cost, best_counts
 from warpmis.learn.schedule import Round
+from warpmis.rendering.held import interrupts_held
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.round_view import round_view
 from warpmis.rendering.tracer import Target
@@ -75,11 +76,15 @@ class CountsIntegrator(Integrator):
             return
         whole = range(part.first_sample, part.first_sample + part.samples)
         self.begin_pass(part, whole)
-        self.settled = False  # half a round is begun anew
-        self._trace_pilot(part, whole)
-        self.end_pass()
+        film, moments = self._trace_pilot(part, whole)
+        with interrupts_held():
+            accepted = np.maximum(film.accepted.numpy(), 1)
+            self.pilot_rounds.append(moments.numpy().astype(np.float64) / accepted[:, np.newaxis])
+            self._count(film)
+            self.end_pass()
 
-    def _trace_pilot(self, part: Round, samples: range) -> None:
+    def _trace_pilot(self, part: Round, samples: range) -> tuple[FilmView, wp.array]:
+        """The film and the moments; a round that is interrupted is begun anew."""
         cells, device = self.rows_of(part), self.config.device
         view = round_view(self.config, part, samples)
         view.seed = (self.config.seed + PILOT_SEED) % 2**32
@@ -87,10 +92,11 @@ class CountsIntegrator(Integrator):
         moments = wp.zeros(cells, dtype=vec_parts_d, device=device)
         counts = wp.full(cells, float(PILOT_COUNT), dtype=self.shares.dtype, device=device)
         self.compiler.wait([self.pilot_kernel])
-        self._trace(Target(self.pilot_kernel, counts, film, moments), view, lambda done: None)
-        accepted = np.maximum(film.accepted.numpy(), 1)
-        self.pilot_rounds.append(moments.numpy().astype(np.float64) / accepted[:, np.newaxis])
-        self._count(film)
+        try:
+            self._trace(Target(self.pilot_kernel, counts, film, moments), view, lambda done: None)
+        finally:
+            self.traced[:] = False
+        return film, moments
 
     def _count(self, film: FilmView) -> None:
         rays, shadow_rays = int(film.rays.numpy().sum()), int(film.shadow_rays.numpy().sum())

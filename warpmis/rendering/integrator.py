@@ -128,7 +128,6 @@ class Integrator(RoundTracer):
 
     def fill(self) -> None:
         """Take one sample of each pixel that has none, so that what an interrupted render leaves is a whole picture."""
-        self.settled = False
         first = Round(0, 1, learn=False)
         self.passing = range(1)
         self.traced = self.samples_taken().reshape(-1) > 0

@@ -132,7 +132,6 @@ def solve(part: Round, run: Run) -> None:
         if run.config.learn.keep_maps:
             run.round_allocations.append(integrator.allocation_map())
         run.round, run.has_begun = run.round + 1, False
-        integrator.settled = True
 
 
 def trace(part: Round, run: Run, *, is_resumed: bool = False) -> None:
@@ -145,8 +144,8 @@ def trace(part: Round, run: Run, *, is_resumed: bool = False) -> None:
     for index, piece in watch.pieces(part, resumed=is_resumed):
         reporter.total = watch.needed_spp() * integrator.pixels
         trace_piece(part, piece, run, reporter.advance)
-        integrator.settled = False
-        watch.add(index, piece, integrator.color_sums())
+        with interrupts_held():
+            watch.add(index, piece, integrator.color_sums())
 
 
 def trace_piece(part: Round, piece: range, run: Run, advance: Callable[[int], None]) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from warpmis.config import RenderConfig
 from warpmis.film.metrics import PARTS, relative_mse_of_parts
 from warpmis.learn.schedule import Round
+from warpmis.rendering.held import interrupts_held
 from warpmis.rendering.stats import StoppingStats
 
 # With this probability the picture's error is below the bound when the render stops.
@@ -118,8 +119,9 @@ class Watch:
                 count = ends[index + 1] - ends[index] - int(self.counts[index])
                 if count > 0:
                     yield index, range(first + self.spp, first + self.spp + count)
-            self._look()
-            self.step_spp = 0
+            with interrupts_held():
+                self._look()
+                self.step_spp = 0
 
     def state(self) -> dict[str, Any]:
         """For a checkpoint."""

@@ -19,6 +19,7 @@ from warpmis.device.snapshot import restore, snapshot
 from warpmis.device.upload import DeviceScene
 from warpmis.device.views import FilmView, RoundView
 from warpmis.learn.schedule import Round
+from warpmis.rendering.held import interrupts_held
 from warpmis.rendering.kernel_choice import camera_kernels, learner_of, trace_kernels
 from warpmis.rendering.launches import Launcher, Piece
 from warpmis.rendering.light_path_aovs import light_path_aovs
@@ -75,8 +76,8 @@ class RoundTracer:
         # The rows that are traced here, None for all; or what traces them elsewhere.
         self.window: range | None = None
         self.remote: Remote | None = None
-        # Whether all of this, sums included, belongs together, so that a state can be taken.
-        self.settled = False
+        # Whether a pass has begun, so that there is a state to be taken.
+        self.has_state = False
         self._allocate()
 
     def _allocate(self) -> None:
@@ -125,19 +126,18 @@ class RoundTracer:
 
     def begin_pass(self, part: Round, samples: range) -> None:
         """Get ready for some samples of a round; if they have been begun, for the pixels that do not have them."""
-        if samples != self.passing:
-            self.settled = False
-            if samples.start == part.first_sample:
-                self.begin_round(part)
-            self.passing = samples
-            self.traced = np.zeros(self.rows_of(part), np.bool_)
-        self.settled = True
+        with interrupts_held():
+            if samples != self.passing:
+                if samples.start == part.first_sample:
+                    self.begin_round(part)
+                self.passing = samples
+                self.traced = np.zeros(self.rows_of(part), np.bool_)
+            self.has_state = True
 
     def end_pass(self) -> None:
-        self.settled = False
-        self.next_sample = self.passing.stop
-        self.passing, self.traced = range(0), np.zeros(0, np.bool_)
-        self.settled = True
+        with interrupts_held():
+            self.next_sample = self.passing.stop
+            self.passing, self.traced = range(0), np.zeros(0, np.bool_)
 
     def begin_round(self, part: Round) -> None:
         self.learner.begin_round(part.learn)

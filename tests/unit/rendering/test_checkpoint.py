@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import signal
 import zipfile
 from collections.abc import Callable
@@ -15,12 +16,12 @@ import scenes
 
 import warpmis
 from warpmis.cache import training
-from warpmis.learn.schedule import Round
 from warpmis.output import bundle
 from warpmis.rendering import checkpoint, run
 from warpmis.rendering.fingerprint import scene_fingerprint
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.kinds import integrator_of
+from warpmis.rendering.stopping import Watch
 
 SIZE = 16
 
@@ -101,20 +102,38 @@ def test_same_bits_however_often_it_is_interrupted(tmp_path: Path, settings: dic
     assert list(tmp_path.iterdir()) == [], "what served is removed"
 
 
-@pytest.mark.parametrize("method", ["guided", "pooled"])
-def test_an_interrupt_in_a_step_of_learning_comes_after_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
+def kind_of(method: str) -> type[Integrator]:
+    return integrator_of(warpmis.RenderConfig(method=method))
+
+
+# What belongs together: the render, and the function that does it.
+WHOLES: dict[str, tuple[str, type, str]] = {
+    "a step of learning by the cache": ("guided", kind_of("guided"), "solve"),
+    "a step of learning by pixels": ("pooled", kind_of("pooled"), "solve"),
+    "a round that begins": ("guided", kind_of("guided"), "begin_round"),
+    "a pilot of counts that ends": ("counts", kind_of("counts"), "end_pass"),
+    "a part of the estimate of the error": ("guided to a target", Watch, "add"),
+    "an estimate of the error": ("guided to a target", Watch, "_look"),
+}
+
+
+@pytest.mark.parametrize(("method", "owner", "name"), WHOLES.values(), ids=list(WHOLES))
+def test_an_interrupt_in_what_belongs_together_comes_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, owner: type, name: str
 ) -> None:
-    settings = {"spp": 64, "max_depth": 3, **METHODS[method]}
+    settings, file = {"spp": 64, "max_depth": 3, **METHODS[method]}, tmp_path / "a.ckpt"
     expected = warpmis.render(scenes.room(SIZE), **settings)
-    kind, file = integrator_of(warpmis.RenderConfig(method=method)), tmp_path / "a.ckpt"
-    step = kind.solve
+    whole, calls = getattr(owner, name), itertools.count()
 
-    def interrupted_step(self: Integrator, part: Round) -> None:
-        signal.raise_signal(signal.SIGINT)
-        step(self, part)
+    def interrupted(*arguments: Any) -> None:
+        call = next(calls) % 4
+        if call == 0:
+            signal.raise_signal(signal.SIGINT)
+        whole(*arguments)
+        if call == 2:
+            signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(kind, "solve", interrupted_step)
+    monkeypatch.setattr(owner, name, interrupted)
     interrupts = 0
     while True:
         try:
@@ -123,7 +142,8 @@ def test_an_interrupt_in_a_step_of_learning_comes_after_it(
         except KeyboardInterrupt:
             interrupts += 1
             assert file.exists()
-    assert interrupts >= 2, "one for each step: a step that was halved would be taken again for ever"
+            assert interrupts < 200, "what is halved would be begun anew for ever"
+    assert interrupts
     assert_same(found, expected)
 
 
