@@ -9,7 +9,6 @@ from warpmis.kernels.light.delta_light import make_delta_light
 from warpmis.kernels.light.on_ray import SHADOW_END
 from warpmis.kernels.light.records import NO_LIGHT, Receiver
 from warpmis.kernels.medium import transmittance
-from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
 from warpmis.kernels.shading_frame import luminance, to_local
 from warpmis.scene.features import Features
@@ -19,7 +18,7 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class DirectLight:
-    """Light that a vertex scatters from a light sample, and the shadow rays that it took.
+    """Light that a vertex scatters from a delta light, and the shadow rays that it took.
 
     light: row among all lights, then the delta lights; diffuse: the diffuse lobe's share of the radiance, per colour.
     """
@@ -52,8 +51,7 @@ def make_direct_light(
     lights: SimpleNamespace,
     intersect: SimpleNamespace,
 ) -> SimpleNamespace:
-    """Functions for one set of effects: from_delta_light; light_sample and shadowed, and both in one as
-    from_light_sample."""
+    """Functions for one set of effects: from_delta_light, light_sample, shadowed."""
     sample_delta_light = make_delta_light(features, lights.control, lights.tree)
 
     @wp.func
@@ -110,21 +108,8 @@ def make_direct_light(
         through = intersect.transmittance(scene, r.choice.light, r.x, light.wi, light.distance * SHADOW_END)
         return wp.cw_mul(light.radiance, through)
 
-    @wp.func
-    def from_light_sample(scene: SceneView, r: wp.ref[Receiver], vertex: wp.ref[Vertex]) -> DirectLight:
-        """Next-event estimation: one light sample, weighted against the BSDF's density."""
-        direct = DirectLight()
-        light = light_sample(scene, r, vertex)
-        if light.pdf > 0.0:
-            direct.radiance = shadowed(scene, r, light) * (balance_weight(light.pdf, light.pdf_bsdf) / light.pdf)
-            direct.rays = 1
-            direct.light = r.choice.light
-            direct.diffuse = light.diffuse
-        return direct
-
     return SimpleNamespace(
         from_delta_light=from_delta_light,
-        from_light_sample=from_light_sample,
         light_sample=light_sample,
         shadowed=shadowed,
     )

@@ -101,10 +101,10 @@ def test_an_absent_effect_is_absent_from_the_source(effect: str, special: str, u
 
 def test_paths_of_one_bounce_take_no_light_samples_beside_the_mixture(special: str) -> None:
     """Direct light alone, and the mixture's vertex is the only one."""
-    assert "make_direct_light__locals__from_light_sample" in functions_in(special)
+    assert "make_direct_light__locals__light_sample" in functions_in(special)
     short = features_of(scenes.room(), replace(BALANCE, max_depth=1))
     assert not short.indirect
-    assert "make_direct_light__locals__from_light_sample" not in functions_in(source_of(short))
+    assert "make_direct_light__locals__light_sample" not in functions_in(source_of(short))
 
 
 def test_random_numbers_of_absent_effects_are_not_drawn(special: str, universal: str) -> None:

@@ -101,7 +101,7 @@ def make_counts(
         for sample in range(count):
             if sample > 0:
                 choose_light(scene, path, vertex, u, float(sample) / float(count))
-            next_event.add_weighted_light_sample(scene, path, vertex, float(count), ratio)
+            next_event.add_light_sample(scene, path, vertex, float(count), ratio)
             if path.is_first:
                 record.light_sample(path, sample, count)
 

@@ -13,7 +13,7 @@ import warp as wp
 from warpmis.device.views import SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.bsdf.surface import Scattering
-from warpmis.kernels.direct_light import DirectLight, ScatteredLight
+from warpmis.kernels.direct_light import ScatteredLight
 from warpmis.kernels.light.on_ray import LightsOnRay
 from warpmis.kernels.mis import balance_weight
 from warpmis.kernels.path.state import Vertex
@@ -35,7 +35,7 @@ def make_next_event(
     contributions: SimpleNamespace,
 ) -> SimpleNamespace:
     """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, asks_whole_line, weigh_ray; its parts
-    add_light_sample, add_weighted_light_sample, draw_direction."""
+    add_light_sample, draw_direction."""
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -44,22 +44,7 @@ def make_next_event(
         path.u_remapped = u_choice
 
     @wp.func
-    def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]) -> DirectLight:
-        """The sample, as what it adds to the path."""
-        from_light = direct_light.from_light_sample(scene, path.receiver, vertex)
-        radiance = wp.cw_mul(path.beta, from_light.radiance)
-        path.L += radiance
-        contributions.light_sample(scene, path, radiance, from_light.diffuse, from_light.light)
-        path.shadow_rays += from_light.rays
-        return from_light
-
-    @wp.func
-    def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
-        """On the side of an interface to which the path does not go."""
-        add_light_sample(scene, path, vertex)
-
-    @wp.func
-    def add_weighted_light_sample(
+    def add_light_sample(
         scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], count: float, ratio: float
     ) -> ScatteredLight:
         """One of `count`; ratio: of the weight of their density to that of the directions' that are drawn."""
@@ -71,6 +56,11 @@ def make_next_event(
             contributions.light_sample(scene, path, radiance, sample.diffuse, path.receiver.choice.light)
             path.shadow_rays += 1
         return sample
+
+    @wp.func
+    def add_light(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
+        """On the side of an interface to which the path does not go."""
+        add_light_sample(scene, path, vertex, 1.0, 1.0)
 
     @wp.func
     def draw_direction(path: wp.ref[PathState], vertex: wp.ref[Vertex]):
@@ -88,7 +78,7 @@ def make_next_event(
     @wp.func
     def scatter(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex]):
         """Add the direct light that the vertex samples, and draw the path's next direction."""
-        add_light_sample(scene, path, vertex)
+        add_light_sample(scene, path, vertex, 1.0, 1.0)
         draw_direction(path, vertex)
 
     @wp.func
@@ -114,6 +104,5 @@ def make_next_event(
         asks_whole_line=asks_whole_line,
         weigh_ray=weigh_ray,
         add_light_sample=add_light_sample,
-        add_weighted_light_sample=add_weighted_light_sample,
         draw_direction=draw_direction,
     )

@@ -150,7 +150,7 @@ def make_weighted_pair(
         if path.is_first:
             ratio = path.estimate.ratio
             record.begin_vertex(path)
-        sample = next_event.add_weighted_light_sample(scene, path, vertex, 1.0, ratio)
+        sample = next_event.add_light_sample(scene, path, vertex, 1.0, ratio)
         next_event.draw_direction(path, vertex)
         if path.is_first:
             record.light_sample(path)
