@@ -7,7 +7,8 @@ over the seeds, the squares over those of the mean of all pictures, without the 
 have the same mean, as tests/statistical show. Time is CPU time of one thread, learning included.
 
 guided, auto  how many times as efficient as `nee`: error x time
-before        how many times as efficient `auto` is as the `auto` of the checkout at PATH
+before        how many times as efficient `auto` is as the `auto` of the checkout at PATH, whose error is over its own
+              mean, and how bright that is: other materials reflect more or less, and paths are longer or shorter
 chosen        share of the seeds that `auto` guides
 """
 
@@ -83,8 +84,9 @@ def row_of(stage: str, arguments: argparse.Namespace, spp: int) -> dict[str, flo
     row |= {"chosen": float(ours["auto guided"].mean()), "seconds": float(np.median(ours["auto seconds"]))}
     if arguments.before:
         theirs = rendered(arguments.before, *settings, ["auto"])
-        before = relative_variance(theirs["auto pictures"], mean) * float(np.median(theirs["auto seconds"]))
-        row["before"] = before / effort["auto"]
+        its_mean = theirs["auto pictures"].mean(axis=0)
+        before = relative_variance(theirs["auto pictures"], its_mean) * float(np.median(theirs["auto seconds"]))
+        row |= {"before": before / effort["auto"], "brightness": float(its_mean.mean() / mean.mean())}
     return row
 
 
@@ -118,7 +120,7 @@ def main() -> None:
             label = stage.parent.name if Path(name).exists() else name
             for spp in arguments.spp:
                 row = report.setdefault(label, {})[spp] = row_of(str(stage), arguments, spp)
-                before = f"{row['before']:.2f}" if "before" in row else ""
+                before = f"{row['before']:.2f} (brightness {row['brightness']:.2f})" if "before" in row else ""
                 cells = f"{row['guided']:.2f} | {row['auto']:.2f} | {row['chosen']:.0%} | {before}"
                 print(f"| {label}, {spp} | {cells} |", flush=True)
     if arguments.before:

@@ -52,7 +52,7 @@ def test_learning_from_few_samples_is_unbiased(small_rounds: None, how: dict[str
 def test_a_gate_that_flips_is_unbiased(small_rounds: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a trial has to promise is the median of what trials promise: half of the pictures are guided."""
     scene = load("room")
-    monkeypatch.setattr(guided, "QUIET", 0.0)
+    monkeypatch.setattr(gate, "QUIET", 0.0)
     gains: list[float] = []
 
     def remember(pilot: gate.Trial, trials: list[gate.Trial], prospects: list[gate.Prospect]) -> bool:
@@ -100,7 +100,7 @@ def test_learned_shares_lower_the_variance(monkeypatch: pytest.MonkeyPatch) -> N
 @pytest.mark.slow
 def test_mean_of_a_thousand_short_renders(small_rounds: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 16 samples per pixel each, most of them spent on learning, by a trial that now and then says no."""
-    monkeypatch.setattr(guided, "QUIET", 0.0)
+    monkeypatch.setattr(gate, "QUIET", 0.0)
     found = estimates("room", 1000, spp=16, method="auto")
     reference = estimates("room", 1000, spp=16, method="nee")
     level = sidak(SIGNIFICANCE, REGIONS)

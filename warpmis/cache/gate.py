@@ -7,7 +7,7 @@ variance: it knows what even samples gain, which the spread of single samples do
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,14 @@ from warpmis.film.metrics import LUMINANCE, without_outliers
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.floating]
 
-# The pilot looks at about so many pixels, or all of them, with two lattices of samples each; and so does the trial.
-PILOT_PIXELS = 1024
+# A first look at about so many pixels, or all of them, with two lattices of samples each, tells quiet pictures. For all
+# others the pilot goes on to more pixels, and so do the trials: rare bright paths make a few pixels an uncertain guide.
+QUIET_PIXELS = 1024
+PILOT_PIXELS = 4096
 PILOT_SAMPLES = 8
-# Of small renders the pilot takes this part at most; those of fewer samples in all are not worth a pilot.
-PILOT_SHARE = 1.0 / 16.0
-FEWEST_SAMPLES = 1 << 18
+# Of small renders a pilot takes about this part at most; those of fewer samples in all are not worth one.
+PILOT_SHARE = 1.0 / 32.0
+FEWEST_SAMPLES = 1 << 19
 # Relative variance of one sample below which a cache has nothing to learn.
 QUIET = 0.75
 # Time of a ray of a guided path over that of one without.
@@ -43,6 +45,31 @@ class Trial:
     cost: float
 
 
+@dataclass
+class Findings:
+    """Of a render so far: by pilots, each of more pixels than the one before, and by trials of the cache."""
+
+    pilots: list[Trial] = field(default_factory=list)
+    trials: list[Trial] = field(default_factory=list)
+
+    @property
+    def pilot(self) -> Trial | None:
+        """The one of the most pixels."""
+        return self.pilots[-1] if self.pilots else None
+
+    @property
+    def gains(self) -> list[float]:
+        return [gain(self.pilot, trial) for trial in self.trials] if self.pilot else []
+
+    def to_dict(self) -> dict[str, list[dict[str, float]]]:
+        """As plain values."""
+        return {name: [dict(vars(one)) for one in found] for name, found in vars(self).items()}
+
+    @staticmethod
+    def from_dict(plain: dict[str, list[dict[str, float]]]) -> Findings:
+        return Findings(**{name: [Trial(**one) for one in found] for name, found in plain.items()})
+
+
 @dataclass(frozen=True)
 class Prospect:
     """What follows a trial, if the render goes on with the cache.
@@ -55,10 +82,18 @@ class Prospect:
     dropped: float
 
 
-def pilot_stride(pixels: int, spp: int) -> int:
-    """The pilot takes the first pixel of each cell of so many by so many, of a render of spp samples per pixel."""
-    looked_at = min(PILOT_PIXELS, PILOT_SHARE * pixels * spp / (2 * PILOT_SAMPLES))
+def pilot_stride(pixels: int, spp: int, most: int = PILOT_PIXELS) -> int:
+    """The pilot takes the first pixel of each cell of so many by so many, of a render of spp samples per pixel.
+
+    most: pixels of a pilot of a large render, about.
+    """
+    looked_at = min(most, PILOT_SHARE * pixels * spp / (2 * PILOT_SAMPLES))
     return max(1, math.ceil((pixels / max(looked_at, 1.0)) ** 0.5 - 0.5))
+
+
+def is_quiet(pilot: Trial) -> bool:
+    """Whether there is nothing to learn."""
+    return pilot.variance < QUIET
 
 
 def pays(pilot: Trial, trials: list[Trial], prospects: list[Prospect]) -> bool:

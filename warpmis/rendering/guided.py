@@ -18,10 +18,11 @@ from warpmis.cache.cell_shares import share_kernel
 from warpmis.cache.gate import (
     FEWEST_SAMPLES,
     PILOT_SAMPLES,
-    QUIET,
+    QUIET_PIXELS,
+    Findings,
     Prospect,
     Trial,
-    gain,
+    is_quiet,
     pays,
     pilot_stride,
     relative_variance,
@@ -86,10 +87,9 @@ class GuidedIntegrator(Integrator):
         if compiler is None:
             self.compiler.wait(guided_kernels(features))
         self.strength = rate_strength(1.0, MOST_VARIANCE)
-        # What pilot and trials have found, and the film of the first half of the present one.
+        # What pilots and trials have found, and the film of the first half of the present one.
+        self.found = Findings()
         self.halves: list[Film] = []
-        self.pilot: Trial | None = None
-        self.trials: list[Trial] = []
         size = self.pixels, config.learn_budget
         self.trainings = training_rounds(*size) if config.max_depth > 0 else []
         self.prospects = prospects(self.trainings, *size)
@@ -114,9 +114,8 @@ class GuidedIntegrator(Integrator):
             if not has_trial or self.pixels * self.config.learn_budget < FEWEST_SAMPLES:
                 trainings = []
             else:
-                yield from pilot_rounds(pilot_stride(self.pixels, self.config.learn_budget))
-                assert self.pilot is not None
-                if self.pilot.variance < QUIET:
+                yield from self._pilot_rounds()
+                if is_quiet(self.found.pilots[-1]):
                     trainings = []
                 else:
                     self.compiler.begin((self.guide_kernel, *self.learning_kernels))
@@ -128,21 +127,29 @@ class GuidedIntegrator(Integrator):
             spent += training.samples / training.stride**2
             kept += training.samples * training.is_kept
             tried += training.half == 1
-            if training.half == 1 and not self._is_guided_by(self.trials[:tried]):
+            if training.half == 1 and not self._is_guided_by(self.found.trials[:tried]):
                 break
         # Once the picture holds samples, how many it will hold must not depend on them: a trial may end training.
         rest = self.config.spp - dropped - kept if kept else self.config.spp - math.ceil(spent)
         yield CacheRound(first_sample, rest, learn=False)
 
+    def _pilot_rounds(self) -> Iterator[Round]:
+        """In few pixels, and where those are noisy in more."""
+        size = self.pixels, self.config.learn_budget
+        first, full = pilot_stride(*size, QUIET_PIXELS), pilot_stride(*size)
+        yield from pilot_rounds(first)
+        if full != first and not is_quiet(self.found.pilots[0]):
+            yield from pilot_rounds(full)
+
     @property
     def is_guided(self) -> bool:
         """Whether the picture is, as far as is known."""
-        return self._is_guided_by(self.trials)
+        return self._is_guided_by(self.found.trials)
 
     def _is_guided_by(self, trials: list[Trial]) -> bool:
         if not self.config.how.tries:
             return True
-        return self.pilot is not None and pays(self.pilot, trials, self.prospects)
+        return self.found.pilot is not None and pays(self.found.pilot, trials, self.prospects)
 
     def begin_round(self, part: Round) -> None:
         assert isinstance(part, CacheRound)
@@ -198,10 +205,7 @@ class GuidedIntegrator(Integrator):
         first = self.halves.pop()
         both = first.merge(film)
         found = Trial(relative_variance(first.image(), film.image(), expected_luminance(both.color, both.count)), cost)
-        if part.kind == PILOT:
-            self.pilot = found
-        else:
-            self.trials.append(found)
+        (self.found.pilots if part.kind == PILOT else self.found.trials).append(found)
 
     def _learn(self, part: CacheRound, film: Film, cost: float) -> None:
         assert self.records is not None and self.ratios is not None
@@ -259,7 +263,7 @@ class GuidedIntegrator(Integrator):
     def state(self) -> dict[str, Any]:
         return super().state() | {
             **{name: getattr(self, name) for name in PLAIN_STATE},
-            "trials": self._trials(),
+            "found": self.found.to_dict(),
             "halves": [dict(vars(film)) for film in self.halves],
             "films": [film and dict(vars(film)) for film in (self.learned_film, self.kept_film)],
             "own_film": self.own_film and snapshot(self.own_film),
@@ -268,15 +272,11 @@ class GuidedIntegrator(Integrator):
             "cache": self.cache.state(),
         }
 
-    def _trials(self) -> list[dict[str, float] | None]:
-        """The pilot and the trials as plain values."""
-        return [dict(vars(trial)) if trial else None for trial in (self.pilot, *self.trials)]
-
     def resume(self, state: dict[str, Any]) -> None:
         super().resume(state)
         for name in PLAIN_STATE:
             setattr(self, name, state[name])
-        self.pilot, *self.trials = (trial and Trial(**trial) for trial in state["trials"])
+        self.found = Findings.from_dict(state["found"])
         self.halves = [Film(**film) for film in state["halves"]]
         self.learned_film, self.kept_film = (film and Film(**film) for film in state["films"])
         self.cache.resume(state["cache"])
@@ -295,12 +295,12 @@ class GuidedIntegrator(Integrator):
         film = self.learned_film and dict(vars(self.learned_film))
         plain = {name: getattr(self, name) for name in PLAIN_STATE}
         to_come = [dict(vars(prospect)) for prospect in self.prospects]
-        return {**plain, "trials": self._trials(), "prospects": to_come, "film": film, "cache": self.cache.state()}
+        return {**plain, "found": self.found.to_dict(), "prospects": to_come, "film": film, "cache": self.cache.state()}
 
     def adopt(self, part: Round, common: dict[str, Any]) -> None:
         for name in PLAIN_STATE:
             setattr(self, name, common[name])
-        self.pilot, *self.trials = (trial and Trial(**trial) for trial in common["trials"])
+        self.found = Findings.from_dict(common["found"])
         self.prospects = [Prospect(**one) for one in common["prospects"]]
         self.learned_film = common["film"] and Film(**common["film"])
         self.cache.resume(common["cache"])
@@ -360,10 +360,9 @@ class GuidedIntegrator(Integrator):
         return maps_of(self.cache, self.first_cells, (self.height, self.width), self._worth())
 
     def cache_stats(self) -> CacheStats | None:
-        gains = [] if self.pilot is None else [gain(self.pilot, trial) for trial in self.trials]
-        stats: CacheStats = {"guided": self.is_guided, "gains": gains, "cells": self.cache.cells}
-        if self.pilot is not None:
-            stats["variance"] = self.pilot.variance
+        stats: CacheStats = {"guided": self.is_guided, "gains": self.found.gains, "cells": self.cache.cells}
+        if self.found.pilot is not None:
+            stats["variance"] = self.found.pilot.variance
         return stats
 
     def next_event_map(self) -> NDArray[np.float32]:

@@ -15,9 +15,9 @@ import pytest
 import scenes
 
 import warpmis
-from warpmis.cache import training
+from warpmis.cache import gate, training
 from warpmis.output import bundle
-from warpmis.rendering import checkpoint, run
+from warpmis.rendering import checkpoint, guided, run
 from warpmis.rendering.fingerprint import scene_fingerprint
 from warpmis.rendering.integrator import Integrator
 from warpmis.rendering.kinds import integrator_of
@@ -45,6 +45,11 @@ def many_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("warpmis.rendering.reporter.REPORT_SECONDS", 0.0)
     monkeypatch.setattr("warpmis.rendering.launches.CPU_LAUNCH", 1 << 10)
     monkeypatch.setattr(training, "FIRST_PATHS", 1024)
+    # `auto` has two pilots, and trials.
+    monkeypatch.setattr(guided, "FEWEST_SAMPLES", 0)
+    monkeypatch.setattr(guided, "QUIET_PIXELS", 64)
+    monkeypatch.setattr(gate, "QUIET", 0.0)
+    monkeypatch.setattr(gate, "PILOT_SHARE", 1.0)
 
 
 def resumed(render: Callable[..., warpmis.RenderResult], file: Path, seed: int = 0) -> tuple[warpmis.RenderResult, int]:

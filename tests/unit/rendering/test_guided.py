@@ -36,10 +36,10 @@ def described(pixels: int, spp: int) -> list[tuple[int, int, bool]]:
 
 def test_rounds_double_up_to_half_of_the_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    trial = [(3, 8, False)] * 2
+    trial, rare_trial = [(1, 8, True)] * 2, [(3, 8, False)] * 2
     rounds = [(1, 1, False), *trial, (1, 2, False), (1, 4, False), *trial, (1, 8, True), (1, 16, True)]
     assert described(9216, 256) == [*rounds, *trial, (1, 32, True)]
-    assert described(9216, 64) == rounds[:8]
+    assert described(9216, 64) == [rounds[0], *rare_trial, *rounds[3:5], *rare_trial, rounds[7]]
     assert described(576, 256)[0] == (1, 16, False), "it has no guide at all"
     assert described(256, 16) == []
 
@@ -73,7 +73,7 @@ def test_picture_that_does_not_gain_is_that_of_next_event_estimation(
     """Bit for bit: by what the pilot finds, or the trial, or without either. A trial's samples stay in the picture."""
     seen: set[str] = set()
     if unless == "quiet":
-        monkeypatch.setattr(guided, "QUIET", 1e30)
+        monkeypatch.setattr(gate, "QUIET", 1e30)
     elif unless == "no gain":
         monkeypatch.setattr(gate, "LEAST_GAIN", 1e30)
         monkeypatch.setattr(training, "KEPT_SAMPLES", 1 << 20)
@@ -93,11 +93,24 @@ def test_picture_that_does_not_gain_is_that_of_next_event_estimation(
 
 def test_a_picture_that_gains_is_the_guided_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the same bits: the pilot's samples are not in it."""
-    monkeypatch.setattr(guided, "QUIET", 0.0)
+    monkeypatch.setattr(gate, "QUIET", 0.0)
     monkeypatch.setattr(gate, "LEAST_GAIN", 0.0)
     result = render(method="auto")
     assert result.stats["next_event_pixels"] == 0.0
     np.testing.assert_array_equal(result.image, render().image)
+
+
+@pytest.mark.parametrize(("quiet", "strides"), [(1e30, [2]), (0.0, [2, 1])])
+def test_a_noisy_picture_has_a_second_pilot_in_more_pixels(
+    monkeypatch: pytest.MonkeyPatch, quiet: float, strides: list[int]
+) -> None:
+    monkeypatch.setattr(gate, "QUIET", quiet)
+    monkeypatch.setattr(guided, "QUIET_PIXELS", 64)
+    made: list[int] = []
+    rounds = guided.pilot_rounds
+    monkeypatch.setattr(guided, "pilot_rounds", lambda stride: (made.append(stride), rounds(stride))[1])
+    render(method="auto")
+    assert sorted(set(made), reverse=True) == strides
 
 
 def test_small_rounds_are_left_out() -> None:
