@@ -17,7 +17,7 @@ from warpmis.rendering.result import RenderResult
 CASES = {case.name: case for case in GEOMETRY_CASES}
 
 
-@pytest.mark.parametrize("method", ["nee", "balance", "murray20", "auto"])
+@pytest.mark.parametrize("method", ["nee", "balance", "murray20"])
 @pytest.mark.parametrize("name", CASES)
 def test_hard_geometry(name: str, method: str) -> None:
     case = CASES[name]
@@ -43,7 +43,7 @@ EXACT: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("method", ["nee", "balance", "auto"])
+@pytest.mark.parametrize("method", ["nee", "balance", "guided"])
 @pytest.mark.parametrize("change", EXACT)
 def test_the_same_bits(change: str, method: str) -> None:
     """No length is compared with one that is not the scene's, and none is rounded before it is near the origin."""

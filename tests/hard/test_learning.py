@@ -37,7 +37,7 @@ def methods_of(case: HardCase) -> list[str]:
     if "learn_rounds" in case.settings:
         return ["murray20"]
     if case.settings.get("strategies", DEFAULT_STRATEGIES) == DEFAULT_STRATEGIES:
-        return ["murray20", "auto"]
+        return ["murray20", "nee"]
     return ["murray20", "pooled"] if case.learns else ["murray20"]
 
 
@@ -86,7 +86,7 @@ def test_right_answer(name: str, method: str) -> None:
 # ---- what is learned ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["murray20", "auto"])
+@pytest.mark.parametrize("method", ["murray20", "guided"])
 def test_without_light_nothing_is_learned(method: str) -> None:
     assert (rendered("no-light-reaches-a-pixel", method).allocation == 0.5).all()
 

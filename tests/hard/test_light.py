@@ -13,7 +13,7 @@ import warpmis
 CASES = {case.name: case for case in LIGHT_CASES}
 
 
-@pytest.mark.parametrize("method", ["nee", "balance", "murray20", "auto"])
+@pytest.mark.parametrize("method", ["nee", "balance", "murray20"])
 @pytest.mark.parametrize("name", CASES)
 def test_hard_light(name: str, method: str) -> None:
     case = CASES[name]

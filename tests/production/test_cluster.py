@@ -17,10 +17,10 @@ import pytest
 import scenes
 
 import warpmis
-from warpmis.cache import training
+from warpmis.cache import gate, training
 from warpmis.cli import main
 from warpmis.output.exr import read_exr
-from warpmis.rendering import cluster
+from warpmis.rendering import cluster, guided
 from warpmis.rendering.cluster import Farm, farm_of
 
 pytest.importorskip("distributed")
@@ -34,6 +34,10 @@ def small_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "TASK_SECONDS", 0.05)
     monkeypatch.setattr(cluster, "FIRST_PASS", 2)
     monkeypatch.setattr(training, "FIRST_PATHS", 1024)
+    # `auto` has a pilot, and trials.
+    monkeypatch.setattr(guided, "FEWEST_SAMPLES", 0)
+    monkeypatch.setattr(gate, "PILOT_SHARE", 1.0)
+    monkeypatch.setattr(gate, "QUIET", 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,6 @@ METHODS: dict[str, dict[str, Any]] = {
     "kl-em": {"method": "kl-em", **LEARN},
     "pooled": {"method": "pooled"},
     "cost-aware": {"method": "cost-aware"},
-    "auto": {"method": "auto"},
     "counts": {"method": "counts"},
     "variance_aware": {"method": "variance_aware"},
     "optimal": {"method": "optimal"},
@@ -72,7 +71,7 @@ def check(name: str, methods: list[str], **settings: Any) -> None:
 
 # Those whose weights or whose learning no other one of them has; eight seconds each.
 FEWER = (
-    "bsdf", "balance", "nee", "fixed 0.2", "murray20", "pooled", "auto", "counts", "guided", "variance_aware",
+    "bsdf", "balance", "nee", "fixed 0.2", "murray20", "pooled", "counts", "guided", "variance_aware",
     "optimal",
 )  # fmt: skip
 
@@ -83,9 +82,9 @@ def test_methods_agree_where_a_light_is_hidden(labels: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES[:-1])
-def test_default_method_agrees(name: str) -> None:
-    """The small version of the test of all methods: what most pictures are made with."""
-    check(name, ["nee", "balance", "auto", "guided"], spp=SPP_OF_DEFAULT[name])
+def test_methods_of_the_default_agree(name: str) -> None:
+    """The small version of the test of all methods: what `auto` chooses from, and the mixture."""
+    check(name, ["nee", "balance", "guided"], spp=SPP_OF_DEFAULT[name])
 
 
 @pytest.mark.slow
@@ -103,11 +102,10 @@ FEW: dict[str, dict[str, Any]] = {
     "sbert19": {"method": "sbert19", "learn_rounds": 7, "learn_spp": 2},
     "kl-em": {"method": "kl-em", "learn_rounds": 7, "learn_spp": 2},
     "pooled": {"method": "pooled", "learn_rounds": 4, "learn_spp": 2},
-    "auto": {"method": "auto"},
     "variance_aware": {"method": "variance_aware", "learn_spp": 1},
     "optimal": {"method": "optimal", "learn_spp": 2},
 }
-FEW_SEEDS = {"murray20": 80, "sbert19": 150, "kl-em": 50, "pooled": 46, "auto": 24, "variance_aware": 30, "optimal": 30}
+FEW_SEEDS = {"murray20": 80, "sbert19": 150, "kl-em": 50, "pooled": 46, "variance_aware": 30, "optimal": 30}
 
 
 def test_learning_from_few_samples_is_unbiased() -> None:

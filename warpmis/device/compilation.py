@@ -185,10 +185,18 @@ def _load_of(kernel: wp.Kernel, device: str, is_cpu: bool) -> Load:
 
 def _make_ready(kernel: wp.Kernel, device: str, is_cpu: bool) -> bool:
     """Load a kernel's module, compiled if the cache lacks it or holds it torn. Whether it was compiled."""
-    module = kernel.module
-    folder = kernel_cache.folder_of(module, is_cpu)
+    folder = kernel_cache.folder_of(kernel.module, is_cpu)
     if kernel_cache.is_torn(folder, is_cpu):
         kernel_cache.discard(folder)
+    if kernel_cache.binaries(folder, is_cpu):
+        return _load_or_compile(kernel, device, is_cpu)
+    with kernel_cache.claimed(folder):
+        return _load_or_compile(kernel, device, is_cpu)
+
+
+def _load_or_compile(kernel: wp.Kernel, device: str, is_cpu: bool) -> bool:
+    module = kernel.module
+    folder = kernel_cache.folder_of(module, is_cpu)
     found = set(kernel_cache.binaries(folder, is_cpu))
     if not found and (reason := kernel_cache.obstacle()):
         kernel_cache.move_to_temporary_folder(reason)

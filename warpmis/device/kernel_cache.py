@@ -8,7 +8,8 @@ import shutil
 import tempfile
 import threading
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import warp as wp
@@ -59,6 +60,23 @@ def _checksum_file(binary: Path) -> Path:
 
 def _checksum(binary: Path) -> str:
     return f"{zlib.crc32(binary.read_bytes()):08x}\n"
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """Wait until no other process compiles into a module's folder: what it has compiled need not be compiled again.
+
+    The lock goes with the process that holds it. Where a file system has none, each process compiles for itself.
+    """
+    with ExitStack() as held:
+        with suppress(ImportError, OSError):
+            import fcntl  # not on Windows
+
+            locks = folder.parent / "locks"
+            locks.mkdir(exist_ok=True)
+            lock = held.enter_context((locks / folder.name).open("w"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def discard(folder: Path) -> None:

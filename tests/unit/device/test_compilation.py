@@ -169,6 +169,22 @@ def test_a_forked_process_has_compiling_threads_of_its_own(cache: Path) -> None:
     assert os.waitstatus_to_exitcode(status) == 0
 
 
+def test_what_another_process_compiles_is_waited_for(cache: Path, tmp_path: Path) -> None:
+    """And taken from the cache: here as it was put aside before."""
+    kernel = kernel_of(15.0)
+    load_kernels([kernel], "cpu")
+    folder = kernel_cache.folder_of(kernel.module, is_cpu=True)
+    folder.rename(tmp_path / "aside")
+    kernel.module.unload()
+    with kernel_cache.claimed(folder):
+        (load,) = Compiler("cpu").begin([kernel])
+        with pytest.raises(TimeoutError):
+            load.result(0.5)
+        (tmp_path / "aside").rename(folder)
+    assert not load.result(60.0), "it was not compiled"
+    assert filled(kernel) == 15.0
+
+
 # ---- the folder of kernels ------------------------------------------------------------------------------------------
 
 
@@ -221,7 +237,7 @@ def test_without_room_kernels_go_to_a_temporary_folder(cache: Path, monkeypatch:
     kernel = kernel_of(9.0)
     load_kernels([kernel], "cpu")
     assert filled(kernel) == 9.0
-    assert not list(cache.iterdir())
+    assert not list(cache.glob("*/*.o"))
     (note,) = kernel_cache.notes()
     assert f"{cache} cannot be written (no space left): set WARP_CACHE_PATH" in note
     with pytest.raises(WarpmisError, match="temporary folder"):

@@ -56,7 +56,7 @@ def picture(result: warpmis.RenderResult, *names: str) -> np.ndarray:
 
 
 # Those whose kernels the others do not have; nine seconds each for kernels.
-QUICK = ("nee", "balance", "murray20", "auto", "guided")
+QUICK = ("nee", "balance", "murray20", "guided")
 
 
 @pytest.mark.parametrize(
