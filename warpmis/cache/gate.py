@@ -23,7 +23,7 @@ QUIET_PIXELS = 1024
 PILOT_PIXELS = 4096
 PILOT_SAMPLES = 8
 # Of small renders a pilot takes about this part at most; those of fewer samples in all are not worth one.
-PILOT_SHARE = 1.0 / 32.0
+PILOT_SHARE = 1.0 / 16.0
 FEWEST_SAMPLES = 1 << 19
 # Relative variance of one sample below which a cache has nothing to learn.
 QUIET = 0.75

@@ -29,7 +29,7 @@ def with_counts(self: counted.CountsIntegrator, part: Round) -> Target:
     return Target(self.kernel, self.shares, self.film, self.no_moments)
 
 
-@pytest.mark.parametrize("sampler", ["lattice", "independent"])
+@pytest.mark.parametrize("sampler", ["lattice", pytest.param("independent", marks=pytest.mark.slow)])
 def test_one_sample_of_each_is_next_event_estimation(sampler: str, monkeypatch: pytest.MonkeyPatch) -> None:
     give(monkeypatch, 1, 1)
     ours, plain = render(sampler=sampler), render(sampler=sampler, method="nee")
