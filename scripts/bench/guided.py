@@ -7,8 +7,8 @@ over the seeds, the squares over those of the mean of all pictures, without the 
 have the same mean, as tests/statistical show. Time is CPU time of one thread, learning included.
 
 guided, auto  how many times as efficient as `nee`: error x time
-before        how many times as efficient `auto` is as the `auto` of the checkout at PATH, whose error is over its own
-              mean, and how bright that is: other materials reflect more or less, and paths are longer or shorter
+before        how many times as efficient `auto` is as the `auto` of the checkout at PATH, whose pictures are made as
+              bright as ours; in brackets how bright they are: by other materials paths are longer or shorter
 chosen        share of the seeds that `auto` guides
 """
 
@@ -84,9 +84,9 @@ def row_of(stage: str, arguments: argparse.Namespace, spp: int) -> dict[str, flo
     row |= {"chosen": float(ours["auto guided"].mean()), "seconds": float(np.median(ours["auto seconds"]))}
     if arguments.before:
         theirs = rendered(arguments.before, *settings, ["auto"])
-        its_mean = theirs["auto pictures"].mean(axis=0)
-        before = relative_variance(theirs["auto pictures"], its_mean) * float(np.median(theirs["auto seconds"]))
-        row |= {"before": before / effort["auto"], "brightness": float(its_mean.mean() / mean.mean())}
+        brightness = float(theirs["auto pictures"].mean() / mean.mean())
+        before = relative_variance(theirs["auto pictures"] / brightness, mean)
+        row |= {"before": before * float(np.median(theirs["auto seconds"])) / effort["auto"], "brightness": brightness}
     return row
 
 
