@@ -12,6 +12,7 @@ from warpmis.cache.cell_moments import DECAY, CellMoments, worths
 from warpmis.cache.cell_shares import CellShares, Launch
 from warpmis.cache.cells import CellTree, IntArray
 from warpmis.cache.directions import guide_densities, pyramid
+from warpmis.cache.round_records import RoundRecords
 from warpmis.device.cache_views import GUIDE_BINS, CacheView, CellTreeView, CellView, VertexRecord
 from warpmis.device.struct_arrays import records
 from warpmis.kernels.cache.lookup import make_locate
@@ -53,20 +54,20 @@ class SpatialCache:
     def cells(self) -> int:
         return self.tree.cells
 
-    def learn(self, vertices: wp.array, ratios: wp.array, launch: Launch) -> IntArray:
-        """Take in the vertex records of one round: refine the cells, then sums, shares, guides and worths.
+    def learn(self, vertices: RoundRecords, launch: Launch) -> IntArray:
+        """Take in the vertices of one round: refine the cells, then sums, shares, guides and worths.
 
-        ratios: p_s / p_a of each record's strategies. Returns the cell of each record, -1 where there was no vertex.
+        Returns the cell of each record, -1 where there was no vertex.
         """
-        table, drawn = vertices.numpy(), ratios.numpy().reshape(len(vertices), -1)
+        table, drawn = vertices.table(), vertices.rows_of_ratios()
         # A record that left float32's range says nothing.
         finite = np.isfinite(table["tail"]) & np.isfinite(table["light"]) & np.isfinite(table["jacobian"])
         finite &= np.isfinite(drawn).all(axis=1)
         used = np.flatnonzero((table["used"] != 0) & finite)
         if len(used) == 0:
-            return np.full(len(vertices), -1)
+            return np.full(len(table), -1)
         self._refine(table, used)
-        cell_of, bin_of = self._locate(vertices, launch)
+        cell_of, bin_of = self._locate(vertices.records, launch)
         cells, bins = cell_of[used], bin_of[used]
         columns = {name: table[name][used].astype(np.float64) for name in COLUMNS}
         self.moments = self.moments.plus(self._sums(columns, cells))

@@ -29,10 +29,11 @@ from warpmis.cache.gate import (
 )
 from warpmis.cache.maps import CacheMaps, first_cells, maps_of, shares_of
 from warpmis.cache.pixel_worth import MOST_VARIANCE, expected_luminance, pixel_worth, rate_strength
+from warpmis.cache.round_records import MOST_VERTICES, RECORDED_VERTICES, RoundRecords
 from warpmis.cache.spatial_cache import SpatialCache
 from warpmis.cache.training import prospects, training_rounds
 from warpmis.config import RenderConfig
-from warpmis.device.cache_views import CacheView, VertexRecord
+from warpmis.device.cache_views import CacheView
 from warpmis.device.compilation import Compiler
 from warpmis.device.film_buffers import download_film
 from warpmis.device.footprint import array_bytes
@@ -53,9 +54,6 @@ from warpmis.scene.features import Features
 
 # The pilot has random numbers of its own: its samples must not be in the picture that they decide on.
 PILOT_SEED = 0x51ED270B
-# Most vertices that a round records, at 64 bytes each, and most of one path.
-MOST_RECORDS = 1_000_000
-RECORDED_VERTICES = 8
 CACHE_ARRAYS = ("cells", "shares", "densities", "pixel_worth", "records", "ratios")
 # What draws directions beside light samples.
 BESIDE_LIGHT_SAMPLES = ("bsdf", "guide")
@@ -97,8 +95,7 @@ class GuidedIntegrator(Integrator):
         self.kept_film: Film | None = None  # of those that the picture holds
         self.present: CacheRound | None = None  # the round that has begun last
         self.own_film: FilmView | None = None  # its samples, where it is not the picture's
-        self.records: wp.array | None = None  # of the present round's vertices
-        self.ratios: wp.array | None = None  # of each record, one for each strategy
+        self.records: RoundRecords | None = None  # of the present round's vertices
         self.traced_rays = 0  # by films that are gone
         self.cache_view: CacheView | None = None  # keeps alive what the scene's view points into
         self.first_cells: NDArray[np.int32] = np.full((1, 1), -1, np.int32)  # of the pixels that were recorded last
@@ -208,12 +205,11 @@ class GuidedIntegrator(Integrator):
         (self.found.pilots if part.kind == PILOT else self.found.trials).append(found)
 
     def _learn(self, part: CacheRound, film: Film, cost: float) -> None:
-        assert self.records is not None and self.ratios is not None
-        cell_of = self.cache.learn(self.records, self.ratios, self.launcher.run_over)
-        assert self.cache_view is not None
-        width, height = self._size(self.cache_view.record_stride)
-        self.first_cells = first_cells(cell_of, (height, width, part.samples), self.cache_view.vertices)
-        self.records = self.ratios = None
+        assert self.records is not None
+        cell_of = self.cache.learn(self.records, self.launcher.run_over)
+        width, height = self._size(self.records.stride)
+        self.first_cells = first_cells(cell_of, (height, width, part.samples), self.records.vertices)
+        self.records = None
         variance = MOST_VARIANCE
         if part.samples >= PILOT_SAMPLES:
             relative = film.variance() / np.maximum(squared_scale(film.image()), 1e-30)
@@ -235,18 +231,19 @@ class GuidedIntegrator(Integrator):
         """The cache as this round's kernels read it, and room for what they record."""
         view = self.cache.view(self._worth())
         if part.kind == TRAINING:
-            stride = part.stride
-            vertices = min(self.config.max_depth, RECORDED_VERTICES)
-            while self._paths(stride, part.samples) * vertices > MOST_RECORDS:
-                stride += part.stride  # a cell's first pixel is traced
-            count = self._paths(stride, part.samples) * vertices
-            self.records = wp.zeros(count, dtype=VertexRecord, device=self.config.device)
-            self.ratios = wp.zeros(count * len(self.strategies), dtype=wp.float32, device=self.config.device)
-            view.records, view.ratios = self.records, self.ratios
-            view.width, view.record_stride = self.width, stride
-            view.vertices, view.first_sample, view.samples = vertices, part.first_sample, part.samples
+            self.records = self._new_records(part)
+            self.records.show_to(view)
+            view.width, view.first_sample, view.samples = self.width, part.first_sample, part.samples
         self.cache_view = view
         self.scene.view.cache = wp.array([view], dtype=CacheView, device=self.config.device)
+
+    def _new_records(self, part: CacheRound) -> RoundRecords:
+        """Of the paths in all pixels that are traced, or in as many as there is room for."""
+        stride, vertices = part.stride, min(self.config.max_depth, RECORDED_VERTICES)
+        while self._paths(stride, part.samples) * vertices > MOST_VERTICES:
+            stride += part.stride  # a cell's first pixel is traced
+        paths = self._paths(stride, part.samples)
+        return RoundRecords(stride, vertices, paths, len(self.strategies), self.config.device)
 
     def _worth(self) -> NDArray[np.float32]:
         """What radiance is worth in each pixel, shape (pixels,): before anything is known all paths live."""
@@ -267,8 +264,7 @@ class GuidedIntegrator(Integrator):
             "halves": [dict(vars(film)) for film in self.halves],
             "films": [film and dict(vars(film)) for film in (self.learned_film, self.kept_film)],
             "own_film": self.own_film and snapshot(self.own_film),
-            "records": None if self.records is None else self.records.numpy().view(np.uint8),
-            "ratios": None if self.ratios is None else self.ratios.numpy(),
+            "records": self.records and self.records.state(),
             "cache": self.cache.state(),
         }
 
@@ -287,9 +283,7 @@ class GuidedIntegrator(Integrator):
         if self.own_film is not None and state["own_film"] is not None:
             restore(self.own_film, state["own_film"])
         if self.records is not None and state["records"] is not None:
-            self.records.assign(state["records"].view(self.records.numpy().dtype).reshape(self.records.shape))
-        if self.ratios is not None and state["ratios"] is not None:
-            self.ratios.assign(state["ratios"])
+            self.records.resume(state["records"])
 
     def common_of(self, part: Round) -> dict[str, Any]:
         film = self.learned_film and dict(vars(self.learned_film))
@@ -304,36 +298,15 @@ class GuidedIntegrator(Integrator):
         self.prospects = [Prospect(**one) for one in common["prospects"]]
         self.learned_film = common["film"] and Film(**common["film"])
         self.cache.resume(common["cache"])
-        self.records = self.ratios = None
+        self.records = None
         self.begin_round(part)
 
     def records_taken(self) -> tuple[NDArray[Any], ...]:
-        if self.records is None or self.ratios is None:
-            return ()
-        table = self.records.numpy()
-        places = np.flatnonzero(table["used"] != 0)
-        taken = table[places].view(np.uint8)
-        ratios = self._rows_of_ratios()[places]
-        self.records.zero_()
-        self.ratios.zero_()
-        return places, taken, ratios
+        return () if self.records is None else self.records.take()
 
     def put_records(self, records: tuple[NDArray[Any], ...]) -> None:
-        if self.records is None or self.ratios is None or not records:
-            return
-        places, taken, ratios = records
-        table, rows = self.records.numpy(), self._rows_of_ratios()
-        table[places] = taken.view(table.dtype).reshape(places.shape)
-        rows[places] = ratios
-        if self.launcher.is_cuda:
-            self.records.assign(table)
-            self.ratios.assign(rows.ravel())
-
-    def _rows_of_ratios(self) -> NDArray[np.float32]:
-        """A row a record; on a CPU the device's own memory."""
-        assert self.ratios is not None
-        rows: NDArray[np.float32] = self.ratios.numpy().reshape(-1, len(self.strategies))
-        return rows
+        if self.records is not None and records:
+            self.records.put(records)
 
     # ---- results ------------------------------------------------------------------------------------------------
 
