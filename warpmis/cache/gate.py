@@ -22,8 +22,10 @@ FloatImage = NDArray[np.floating]
 QUIET_PIXELS = 1024
 PILOT_PIXELS = 4096
 PILOT_SAMPLES = 8
-# Of small renders a pilot takes about this part at most; those of fewer samples in all are not worth one.
+# Of small renders a pilot takes about this part at most, and a trial whose samples are not in the picture about that.
 PILOT_SHARE = 1.0 / 16.0
+DROPPED_SHARE = 1.0 / 64.0
+# Renders of fewer samples in all are not worth a pilot.
 FEWEST_SAMPLES = 1 << 19
 # Relative variance of one sample below which a cache has nothing to learn.
 QUIET = 0.75
@@ -82,12 +84,26 @@ class Prospect:
     dropped: float
 
 
-def pilot_stride(pixels: int, spp: int, most: int = PILOT_PIXELS) -> int:
-    """The pilot takes the first pixel of each cell of so many by so many, of a render of spp samples per pixel.
+def quiet_stride(pixels: int, spp: int) -> int:
+    """The first pilot takes the first pixel of each cell of so many by so many; spp: samples per pixel of the render."""
+    return _stride(pixels, min(QUIET_PIXELS, _pixels_for(PILOT_SHARE, pixels * spp)))
 
-    most: pixels of a pilot of a large render, about.
-    """
-    looked_at = min(most, PILOT_SHARE * pixels * spp / (2 * PILOT_SAMPLES))
+
+def pilot_stride(pixels: int, spp: int) -> int:
+    """The same of the second pilot, and of the trials."""
+    samples = pixels * spp
+    most = min(PILOT_PIXELS, _pixels_for(PILOT_SHARE, samples))
+    if most < pixels:  # the picture does not hold the trials' samples
+        most = min(most, max(QUIET_PIXELS, _pixels_for(DROPPED_SHARE, samples)))
+    return _stride(pixels, most)
+
+
+def _pixels_for(share: float, samples: int) -> float:
+    """In how many pixels a pilot takes this share of a render's samples."""
+    return share * samples / (2 * PILOT_SAMPLES)
+
+
+def _stride(pixels: int, looked_at: float) -> int:
     return max(1, math.ceil((pixels / max(looked_at, 1.0)) ** 0.5 - 0.5))
 
 

@@ -18,13 +18,13 @@ from warpmis.cache.cell_shares import share_kernel
 from warpmis.cache.gate import (
     FEWEST_SAMPLES,
     PILOT_SAMPLES,
-    QUIET_PIXELS,
     Findings,
     Prospect,
     Trial,
     is_quiet,
     pays,
     pilot_stride,
+    quiet_stride,
     relative_variance,
 )
 from warpmis.cache.maps import CacheMaps, first_cells, maps_of, shares_of
@@ -133,7 +133,7 @@ class GuidedIntegrator(Integrator):
     def _pilot_rounds(self) -> Iterator[Round]:
         """In few pixels, and where those are noisy in more."""
         size = self.pixels, self.config.learn_budget
-        first, full = pilot_stride(*size, QUIET_PIXELS), pilot_stride(*size)
+        first, full = quiet_stride(*size), pilot_stride(*size)
         yield from pilot_rounds(first)
         if full != first and not is_quiet(self.found.pilots[0]):
             yield from pilot_rounds(full)

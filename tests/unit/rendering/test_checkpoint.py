@@ -47,7 +47,7 @@ def many_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "FIRST_PATHS", 1024)
     # `auto` has two pilots, and trials.
     monkeypatch.setattr(guided, "FEWEST_SAMPLES", 0)
-    monkeypatch.setattr(guided, "QUIET_PIXELS", 64)
+    monkeypatch.setattr(gate, "QUIET_PIXELS", 64)
     monkeypatch.setattr(gate, "QUIET", 0.0)
     monkeypatch.setattr(gate, "PILOT_SHARE", 1.0)
 

@@ -36,7 +36,7 @@ def described(pixels: int, spp: int) -> list[tuple[int, int, bool]]:
 
 def test_rounds_double_up_to_half_of_the_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    trial, rare_trial = [(1, 8, True)] * 2, [(2, 8, False)] * 2
+    trial, rare_trial = [(2, 8, False)] * 2, [(3, 8, False)] * 2
     rounds = [(1, 1, False), *trial, (1, 2, False), (1, 4, False), *trial, (1, 8, True), (1, 16, True)]
     assert described(9216, 256) == [*rounds, *trial, (1, 32, True)]
     assert described(9216, 64) == [rounds[0], *rare_trial, *rounds[3:5], *rare_trial, rounds[7]]
@@ -105,7 +105,7 @@ def test_a_noisy_picture_has_a_second_pilot_in_more_pixels(
     monkeypatch: pytest.MonkeyPatch, quiet: float, strides: list[int]
 ) -> None:
     monkeypatch.setattr(gate, "QUIET", quiet)
-    monkeypatch.setattr(guided, "QUIET_PIXELS", 64)
+    monkeypatch.setattr(gate, "QUIET_PIXELS", 64)
     made: list[int] = []
     rounds = guided.pilot_rounds
     monkeypatch.setattr(guided, "pilot_rounds", lambda stride: (made.append(stride), rounds(stride))[1])
