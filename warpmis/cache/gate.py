@@ -85,7 +85,7 @@ class Prospect:
 
 
 def quiet_stride(pixels: int, spp: int) -> int:
-    """The first pilot takes the first pixel of each cell of so many by so many; spp: samples per pixel of the render."""
+    """The first pilot takes the first pixel of each cell of so many by so many; spp: of the render."""
     return _stride(pixels, min(QUIET_PIXELS, _pixels_for(PILOT_SHARE, pixels * spp)))
 
 
