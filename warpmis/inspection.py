@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpmis.device.environment import LUMINANCE, mean_over_sphere
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, Prim, RectLight, Scene, SphereLight
-from warpmis.scene.features import Features, detect, is_emissive
+from warpmis.scene.features import Features, detect, is_emissive, is_glossy
 from warpmis.scene.geometry import Geometry, bounds
 from warpmis.scene.texture import Texture, TextureLookup
 
@@ -264,18 +264,33 @@ def textures_of(scene: Scene) -> list[Texture]:
 
 
 def effects(scene: Scene) -> Iterator[Effect]:
-    """Every effect, on or off, with the first prim that alone would call for it."""
+    """Every effect, on or off, with the first prim that calls for it: alone, or else beside the others."""
     on = _names(detect(scene))
     callers: dict[str, str] = {}
-    by_one_prim = on - {"light_tree"}  # which takes many lights
+    by_one_prim = on - _TOGETHER.keys()
     for path, part in parts(scene):
         if by_one_prim <= callers.keys():
             break
         for name in _names(detect(part)) & on:
             callers.setdefault(name, path)
+    for name in (on & _TOGETHER.keys()) - callers.keys():
+        callers[name] = next(path for path, part in parts(scene) if _TOGETHER[name](part))
     for field in dataclasses.fields(Features):
         if field.type == "bool":
             yield Effect(field.name, field.name in on, callers.get(field.name))
+
+
+def _has_light(scene: Scene) -> bool:
+    return bool(scene.lights) or any(is_emissive(scene.materials[index]) for index in scene.used_materials)
+
+
+def _has_gloss(scene: Scene) -> bool:
+    used = (scene.materials[index] for index in scene.used_materials)
+    return any(is_glossy(material) for material in used if not material.lambertian)
+
+
+# Effects that several prims may call for together, and what each of these prims has to do with it.
+_TOGETHER: dict[str, Callable[[Scene], bool]] = {"light_tree": _has_light, "glossy_choice": _has_gloss}
 
 
 def _names(features: Features) -> set[str]:

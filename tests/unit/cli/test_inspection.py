@@ -105,6 +105,18 @@ def test_what_a_light_made_of_geometry_asks_for_is_called_for_by_its_prim():
     assert callers["light_tints"] == "/lamp"
 
 
+def test_what_several_prims_call_for_together_names_the_first_of_them():
+    """A tree takes many lights, and the choice by glossy lobes lights and a lobe."""
+    box = quads([(face, 0) for face in box_faces((-1, -1, -1), (1, 1, 1), False)])
+    lamps = [SphereLight(f"/lamp{i}", ORIGIN + 0.1 * i * X, 0.01, TWO) for i in range(12)]
+    polished = Material(path="/polished", roughness=0.3)
+    many = scene(box, [polished], lamps, camera((0, 0, 5), (0, 0, 0)))
+    callers = {effect.name: effect.prim for effect in inspect_scene(many).effects if effect.on}
+    assert callers["light_tree"] == "/lamp0"
+    assert callers["glossy_choice"] == many.prims[0].path
+    assert None not in callers.values()
+
+
 def test_a_supplied_light_is_told_from_what_nothing_calls_for():
     dome = DomeLight("", np.eye(3), np.ones(3))
     found = inspect_scene(scene(quads([]), [], [dome], camera((0, 0, 5), (0, 0, 0))))
