@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpmis.device.environment import LUMINANCE, mean_over_sphere
 from warpmis.scene import CylinderLight, DiskLight, DistantLight, DomeLight, Light, Prim, RectLight, Scene, SphereLight
-from warpmis.scene.features import Features, detect, is_emissive, is_glossy
+from warpmis.scene.features import Features, detect, has_gloss, is_emissive
 from warpmis.scene.geometry import Geometry, bounds
 from warpmis.scene.texture import Texture, TextureLookup
 
@@ -284,13 +284,8 @@ def _has_light(scene: Scene) -> bool:
     return bool(scene.lights) or any(is_emissive(scene.materials[index]) for index in scene.used_materials)
 
 
-def _has_gloss(scene: Scene) -> bool:
-    used = (scene.materials[index] for index in scene.used_materials)
-    return any(is_glossy(material) for material in used if not material.lambertian)
-
-
 # Effects that several prims may call for together, and what each of these prims has to do with it.
-_TOGETHER: dict[str, Callable[[Scene], bool]] = {"light_tree": _has_light, "glossy_choice": _has_gloss}
+_TOGETHER: dict[str, Callable[[Scene], bool]] = {"light_tree": _has_light, "glossy_choice": has_gloss}
 
 
 def _names(features: Features) -> set[str]:

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent.parent
 STAGE = scenes.USD_SCENES / "cornell_box" / "scene.usda"
 # A second or so of tracing on one thread, with rounds of learning and a spatial cache.
 SETTINGS = "--image-width 48 --max-depth 3 --quiet"
-METHODS = {"auto": "--method auto --spp 512", "guided": "--method guided --spp 160"}
+METHODS = {"auto": "--method auto --spp 512", "guided": "--method guided --spp 256"}
 
 
 def command(*options: str) -> subprocess.Popen[str]:

@@ -71,8 +71,7 @@ def check(name: str, methods: list[str], **settings: Any) -> None:
 
 # Those whose weights or whose learning no other one of them has; eight seconds each.
 FEWER = (
-    "bsdf", "balance", "nee", "fixed 0.2", "murray20", "pooled", "counts", "guided", "variance_aware",
-    "optimal",
+    "bsdf", "balance", "nee", "fixed 0.2", "murray20", "pooled", "counts", "guided", "variance_aware", "optimal",
 )  # fmt: skip
 
 

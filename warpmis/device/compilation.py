@@ -195,6 +195,7 @@ def _make_ready(kernel: wp.Kernel, device: str, is_cpu: bool) -> bool:
 
 
 def _load_or_compile(kernel: wp.Kernel, device: str, is_cpu: bool) -> bool:
+    """Link what the cache holds, or compile it. Whether it was compiled."""
     module = kernel.module
     folder = kernel_cache.folder_of(module, is_cpu)
     found = set(kernel_cache.binaries(folder, is_cpu))

@@ -204,6 +204,12 @@ def has_several_lights(scene: Scene) -> bool:
     return len(scene.lights) + glowing > 1
 
 
+def has_gloss(scene: Scene) -> bool:
+    """Whether a material in use has a lobe by which one of several lights is chosen."""
+    used = (scene.materials[index] for index in scene.used_materials)
+    return any(is_glossy(material) for material in used if not material.lambertian)
+
+
 def light_controls(scene: Scene) -> list[LightControl]:
     """What is asked for of all lights, those made of geometry included."""
     return [light.control for light in scene.lights] + [prim.control for prim in scene.prims]
@@ -219,7 +225,7 @@ def detect(scene: Scene) -> Features:
     return replace(
         _light_effects(scene),
         mesh_light=any(is_emissive(m) for m in used),
-        glossy_choice=any(map(is_glossy, specular)) and has_several_lights(scene),
+        glossy_choice=has_gloss(scene) and has_several_lights(scene),
         specular=bool(specular),
         clearcoat=bool(coated),
         smooth=any(is_smooth(m.roughness) for m in specular) or any(is_smooth(m.clearcoat_roughness) for m in coated),

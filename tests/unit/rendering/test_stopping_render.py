@@ -20,11 +20,15 @@ def render(**settings: object) -> warpmis.RenderResult:
     return warpmis.render(SCENE, **settings)
 
 
-# The sampler makes kernels anew, and is nothing that a method knows of.
-BY_LATTICE = [(method, "lattice") for method in ("guided", "pooled", "nee", "variance_aware", "optimal")]
+# Those by the other sampler take kernels of their own, four seconds each.
+LONG = [(method, "independent") for method in ("pooled", "variance_aware", "optimal")]
+QUICK = [
+    *((method, "lattice") for method in ("guided", "pooled", "nee", "variance_aware", "optimal")),
+    *((method, "independent") for method in ("guided", "nee")),
+]
 
 
-@pytest.mark.parametrize(("method", "sampler"), [*BY_LATTICE, ("nee", "independent"), ("guided", "independent")])
+@pytest.mark.parametrize(("method", "sampler"), [*QUICK, *(pytest.param(*one, marks=pytest.mark.slow) for one in LONG)])
 def test_every_pixel_has_as_many_samples(method: str, sampler: str) -> None:
     stopped = render(method=method, seed=3, sampler=sampler, target_error=0.2)
     assert (stopped.samples == stopped.stats["stopping"]["spp"]).all()
