@@ -4,7 +4,8 @@ Warp's operations on a vector of eight are loops of eight, and the compiler turn
 kinds of operation it does not vectorise:
 
 - Eight comparisons become some forty instructions, and the operations before them are not vectorised either. So the
-  step from lanes to a mask is written with the compiler's vector extension, which every processor supports.
+  steps from lanes to a mask or to a choice, and the square roots between them, are written with the vectors of Clang,
+  Warp's compiler for all CPUs. A GPU's compiler gets the loop.
 - Warp's minima and maxima skip NaN, at four instructions each. Those here are the processor's own: if a lane of either
   is NaN, the result is the second.
 """
@@ -15,19 +16,26 @@ from warpmis.device.views import vec8f
 
 wp.set_module_options({"enable_backward": False})
 
+# Clang's vectors, and a copy into one that costs nothing.
+VECTORS = """
+    typedef float lanes __attribute__((ext_vector_type(8)));
+    typedef bool bits __attribute__((ext_vector_type(8)));
+    auto lanes_of = [](const auto& values) {
+        lanes x;
+        __builtin_memcpy(&x, &values, sizeof(x));
+        return x;
+    };
+"""
+
 
 @wp.func
 def splat8(x: float) -> vec8f:
     return vec8f(x, x, x, x, x, x, x, x)
 
 
-@wp.func_native("""
-    typedef float lanes __attribute__((ext_vector_type(8)));
-    typedef bool bits __attribute__((ext_vector_type(8)));
-    lanes x, y;
-    __builtin_memcpy(&x, &a, sizeof(x));
-    __builtin_memcpy(&y, &b, sizeof(y));
-    return __builtin_bit_cast(unsigned char, __builtin_convertvector(x <= y, bits));
+@wp.func_native(f"""
+    {VECTORS}
+    return __builtin_bit_cast(unsigned char, __builtin_convertvector(lanes_of(a) <= lanes_of(b), bits));
 """)
 def mask_less_equal(a: vec8f, b: vec8f) -> int:
     """A mask of the lanes in which a <= b; the first lane is the lowest bit."""
@@ -62,10 +70,16 @@ def first_set_bit(mask: int) -> int:
     ...
 
 
-@wp.func_native("""
+@wp.func_native(f"""
     auto chosen = x;
+    #ifdef __clang__
+    {VECTORS}
+    lanes either = lanes_of(a) >= lanes_of(b) ? lanes_of(x) : lanes_of(y);
+    __builtin_memcpy(&chosen, &either, sizeof(either));
+    #else
     for (int i = 0; i < 8; ++i)
         chosen[i] = a[i] >= b[i] ? x[i] : y[i];
+    #endif
     return chosen;
 """)
 def at_least(a: vec8f, b: vec8f, x: vec8f, y: vec8f) -> vec8f:
@@ -73,22 +87,33 @@ def at_least(a: vec8f, b: vec8f, x: vec8f, y: vec8f) -> vec8f:
     ...
 
 
-@wp.func_native("""
-    auto root = a;
+@wp.func_native(f"""
+    auto roots = a;
+    #ifdef __clang__
+    {VECTORS}
+    lanes all = __builtin_elementwise_sqrt(lanes_of(a));
+    __builtin_memcpy(&roots, &all, sizeof(all));
+    #else
     for (int i = 0; i < 8; ++i)
-        root[i] = sqrtf(a[i]);
-    return root;
+        roots[i] = sqrtf(a[i]);
+    #endif
+    return roots;
 """)
 def square_roots(a: vec8f) -> vec8f:
     """The square root of each lane, none of which is negative."""
     ...
 
 
-@wp.func_native("""
+@wp.func_native(f"""
+    #ifdef __clang__
+    {VECTORS}
+    return __builtin_bit_cast(unsigned char, __builtin_convertvector(lanes_of(a) > b, bits)) != 0;
+    #else
     bool found = false;
     for (int i = 0; i < 8; ++i)
         found |= a[i] > b;
     return found;
+    #endif
 """)
 def any_above(a: vec8f, b: float) -> bool:
     """Whether any lane is above b."""
