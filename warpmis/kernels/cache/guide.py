@@ -104,20 +104,22 @@ def sample_guide(densities: wp.array(dtype=wp.float32), cell: int, u: float, v: 
         right = densities[node + 1]
         upper_left = densities[node + 2]
         upper_right = densities[node + 3]
-        lower = (left + right) / (left + right + upper_left + upper_right)
+        lower = left + right
+        upper = upper_left + upper_right
+        v = v * (lower + upper)
         if v < lower:
             v = v / lower
         else:
-            v = (v - lower) / (1.0 - lower)
+            v = (v - lower) / upper
             y += width
             parent += 2
             left = upper_left
             right = upper_right
-        at_left = left / (left + right)
-        if u < at_left:
-            u = u / at_left
+        u = u * (left + right)
+        if u < left:
+            u = u / left
         else:
-            u = (u - at_left) / (1.0 - at_left)
+            u = (u - left) / right
             x += width
             parent += 1
         level += count

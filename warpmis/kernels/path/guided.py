@@ -69,7 +69,9 @@ def make_guided(
     record: SimpleNamespace,
     contributions: SimpleNamespace,
 ) -> SimpleNamespace:
-    """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, survives, asks_whole_line, weigh_ray."""
+    """The estimator: begin, draws_by_bsdf, scatter, add_light, keep_densities, survives, asks_whole_line, weigh_ray.
+    And its parts, for those who try others (scripts/bench/cell_counts.py): look_up, take_light_sample, draw_direction.
+    """
 
     @wp.func
     def begin(scene: SceneView, path: wp.ref[PathState], key: rng.RngKey, allocation: vec_s, u_choice: float):
@@ -79,10 +81,8 @@ def make_guided(
         record.begin_path(scene, path, key)
 
     @wp.func
-    def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], cell: int) -> float:
-        """What the light sample adds to the path, if it is taken, per throughput; its luminance is returned."""
-        if vertex.u_cache[1] >= path.estimate.light_rate:
-            return 0.0
+    def take_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], cell: int) -> float:
+        """What a light sample adds to the path, per throughput; its luminance is returned."""
         light = direct_light.light_sample(scene, path.receiver, vertex)
         if light.pdf <= 0.0:
             return 0.0
@@ -102,6 +102,12 @@ def make_guided(
         )
         path.shadow_rays += 1
         return luminance(radiance)
+
+    @wp.func
+    def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], cell: int) -> float:
+        if vertex.u_cache[1] >= path.estimate.light_rate:
+            return 0.0
+        return take_light_sample(scene, path, vertex, cell)
 
     @wp.func
     def draw_direction(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], cell: int):
@@ -199,4 +205,7 @@ def make_guided(
         survives=survives,
         asks_whole_line=asks_whole_line,
         weigh_ray=weigh_ray,
+        look_up=look_up,
+        take_light_sample=take_light_sample,
+        draw_direction=draw_direction,
     )
