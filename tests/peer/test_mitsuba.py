@@ -16,7 +16,8 @@ from warpmis.scene import Camera, CylinderLight, DistantLight, DomeLight, Light,
 
 mi = pytest.importorskip("mitsuba")
 
-from peer.mitsuba_scene import NoCounterpartError, bsdf, reference_image, sensor, to_mitsuba  # noqa: E402
+from peer.mitsuba_material import NoCounterpartError, bsdf  # noqa: E402
+from peer.mitsuba_scene import reference_image, sensor, to_mitsuba  # noqa: E402
 
 pytestmark = pytest.mark.peer
 
