@@ -18,7 +18,8 @@ Near:
   other with twice the lobe's, both below what the coat leaves on average.
 - Opacity 0 in the mode "transparent": `thindielectric` with the same reflectance straight on; the reflection is sharp.
   Other opacities: `mask`, which does not depend on the angle.
-- The diffuse colour of a picture: `bitmap`. All other inputs that vary are their means, and normal maps are left out.
+- A diffuse colour that is a picture, of what is no metal: `bitmap`. All other inputs that vary are their means, and
+  normal maps are left out.
 """
 
 from __future__ import annotations
@@ -83,14 +84,14 @@ def interface(material: Material) -> dict[str, Any]:
 
 def near_bsdf(material: Material) -> dict[str, Any]:
     """The exact BSDF where there is one, else the nearest. Glass that is partly something else is refused."""
-    with suppress(NoCounterpartError):
-        return bsdf(material)
-    mean = material.mean
+    mean, painted = material.mean, painting(material)
+    if painted is None:
+        with suppress(NoCounterpartError):
+            return bsdf(mean)
     if mean.transmission > 0.0:
         return interface(mean)
     if mean.opacity == 0.0 and mean.opacity_mode == "transparent" and not mean.lambertian:
         return {"type": "thindielectric", "int_ior": pane_index(max(reflectance(mean))), "ext_ior": 1.0}
-    painted = painting(material)
     found = layered(mean, color(mean.diffuse_color) if painted is None else bitmap(painted))
     return found if mean.opacity == 1.0 else {"type": "mask", "opacity": float(mean.opacity), "base": found}
 
@@ -177,11 +178,11 @@ def pane_index(f0: float) -> float:
 
 
 def painting(material: Material) -> TextureLookup | None:
-    """The picture that the diffuse colour is, where it is one and not several tiles."""
+    """The picture that the diffuse colour is, where it is one and not several tiles, and not a metal's."""
     found = material.diffuse_color
-    if not isinstance(found, TextureLookup):
+    if not isinstance(found, TextureLookup) or found.texture.is_udim or found.channels != "rgb":
         return None
-    return None if found.texture.is_udim or found.channels != "rgb" else found
+    return None if material.metallic == 1.0 and not material.use_specular_workflow else found
 
 
 def bitmap(painted: TextureLookup) -> dict[str, Any]:
