@@ -1,11 +1,10 @@
 """A warpmis Scene as a Mitsuba 3 scene: an independent renderer to hold ours against.
 
 Only what both renderers define alike is converted; anything else raises NoCounterpartError, so that a comparison
-never measures a difference of models. The correspondences:
+never measures a difference of models. With `approximate` materials may be those that come nearest, which is for
+comparing costs, not pictures. The correspondences:
 
-- Lambertian: `twosided` `diffuse`. A surface is a lamina: both its sides reflect.
-- Pure metal (and the specular workflow with a black diffuse colour): `twosided` `principled` with metallic = 1, which
-  is GGX with alpha = roughness^2, separable Smith masking and Schlick's Fresnel between the base colour and white.
+- Materials: mitsuba_material.py.
 - Light: its shape with an `area` emitter and the `null` BSDF. UsdLux lights do not occlude: a ray collects what they
   emit and goes on. Mitsuba's `path` lets a ray through `null` with weight one and counts what it finds next in full,
   while a shadow ray that meets such a shape is lost: together that is unbiased. A passage counts as a bounce,
@@ -23,6 +22,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from peer.mitsuba_material import NoCounterpartError, bsdf, color, near_bsdf, painting
 
 from warpmis.scene import (
     Camera,
@@ -32,23 +32,15 @@ from warpmis.scene import (
     DomeLight,
     Geometry,
     Light,
-    Material,
     RectLight,
     Scene,
     SphereLight,
 )
+from warpmis.scene.texture import TextureLookup
 
 mi.set_variant("scalar_rgb")
 
 ORTHOGONAL = 1e-5  # how far from a right angle, or from a circle, a light's frame may be, relative to its size
-MIN_ROUGHNESS = 0.05  # below, Mitsuba clamps alpha (at 0.001), and a mirror is not a delta lobe there
-
-
-class NoCounterpartError(ValueError):
-    """The scene holds something that Mitsuba has no exact equal of."""
-
-    def __init__(self, path: str, what: str) -> None:
-        super().__init__(f"{path or '(no path)'}: {what}")
 
 
 def to_mitsuba(
@@ -61,8 +53,16 @@ def to_mitsuba(
     seed: int = 0,
     roulette_depth: int | None = None,
     sampler: str = "independent",
+    approximate: bool = False,
 ) -> Any:
-    """The scene with a `path` integrator and a box filter; None: no Russian roulette within max_depth."""
+    """The scene with a `path` integrator and a box filter.
+
+    Args:
+        roulette_depth: the bounce from which on there is Russian roulette; None for none within max_depth.
+        approximate: takes the nearest material where there is no equal one, instead of refusing the scene.
+    """
+    if scene.prototypes:
+        raise NoCounterpartError(scene.name, "instances that are not flattened")
     rr_depth = max_depth + 2 if roulette_depth is None else roulette_depth
     content: dict[str, Any] = {
         "type": "scene",
@@ -71,7 +71,7 @@ def to_mitsuba(
     }
     for material in np.unique(scene.geometry.materials):
         for smooth in (False, True):
-            mesh = surface(scene, int(material), smooth=smooth)
+            mesh = surface(scene, int(material), smooth=smooth, approximate=approximate)
             if mesh is not None:
                 content[f"surface_{material}_{'smooth' if smooth else 'flat'}"] = mesh
     for i, item in enumerate(scene.lights):
@@ -93,6 +93,8 @@ def sensor(camera: Camera, *, sampler: str, spp: int, width: int, height: int, s
     Mitsuba's camera looks along its +Z with +X to the left; the principal point is where the optical axis meets the
     film, as an offset from the centre in film sizes.
     """
+    if camera.orthographic or camera.lens_radius > 0.0 or camera.exposure != 1.0:
+        raise NoCounterpartError(camera.path, "not a pinhole camera without exposure")
     left, right, bottom, top = camera.window
     aspect = (right - left) / (top - bottom)
     if abs(aspect * height / width - 1.0) > 1e-3:
@@ -120,7 +122,7 @@ def sensor(camera: Camera, *, sampler: str, spp: int, width: int, height: int, s
     }
 
 
-def surface(scene: Scene, material: int, *, smooth: bool) -> Any | None:
+def surface(scene: Scene, material: int, *, smooth: bool, approximate: bool) -> Any | None:
     """All triangles of a material, those with shading normals or those without, as one mesh; None if there are none."""
     geometry = scene.geometry
     has_normals = geometry.normal_indices[:, 0] >= 0
@@ -129,61 +131,51 @@ def surface(scene: Scene, material: int, *, smooth: bool) -> Any | None:
         return None
     look = scene.materials[material]
     props = mi.Properties()
-    props["mesh_bsdf"] = mi.load_dict(bsdf(look))
-    if max(look.emissive_color) > 0.0:
+    props["mesh_bsdf"] = mi.load_dict(near_bsdf(look) if approximate else bsdf(look))
+    if max(look.mean_emission) > 0.0:
         shining = {scene.prims[i].path for i in np.unique(geometry.prims[chosen]) if scene.prims[i].double_sided}
         if shining:
             raise NoCounterpartError(min(shining), "a mesh that shines on both sides")
-        props["mesh_emitter"] = mi.load_dict(area_emitter(look.emissive_color))
-    return triangle_mesh(geometry, chosen, props, smooth=smooth)
+        props["mesh_emitter"] = mi.load_dict(area_emitter(look.mean_emission))
+    return triangle_mesh(geometry, chosen, props, smooth=smooth, painted=painting(look))
 
 
-def triangle_mesh(geometry: Geometry, chosen: NDArray[Any], props: Any, *, smooth: bool) -> Any:
-    """The chosen triangles, no vertex shared: that keeps a normal per corner."""
-    mesh = mi.Mesh("surface", 3 * chosen.size, chosen.size, has_vertex_normals=smooth, props=props)
+def triangle_mesh(
+    geometry: Geometry, chosen: NDArray[Any], props: Any, *, smooth: bool, painted: TextureLookup | None
+) -> Any:
+    """The chosen triangles, no vertex shared: that keeps a normal, and coordinates, per corner."""
+    mesh = mi.Mesh(
+        "surface",
+        3 * chosen.size,
+        chosen.size,
+        has_vertex_normals=smooth,
+        has_vertex_texcoords=painted is not None,
+        props=props,
+    )
     params = mi.traverse(mesh)
     params["vertex_positions"] = geometry.points[geometry.triangles[chosen]].ravel()
     params["faces"] = np.arange(3 * chosen.size, dtype=np.uint32)
     if smooth:
         params["vertex_normals"] = geometry.normals[geometry.normal_indices[chosen]].ravel()
+    if painted is not None:
+        params["vertex_texcoords"] = picture_coordinates(geometry, chosen, painted).ravel()
     params.update()
     return mesh
 
 
-def bsdf(material: Material) -> dict[str, Any]:
-    """The material's reflection, if Mitsuba has it exactly, but for the compensation of multiple scattering."""
-    if material.lambertian:
-        return {"type": "twosided", "reflectance": {"type": "diffuse", "reflectance": color(material.diffuse_color)}}
-    if material.transmission > 0.0:
-        return interface(material)
-    if material.opacity < 1.0 or material.clearcoat > 0.0:
-        raise NoCounterpartError(material.path, "opacity below 1, or clearcoat")
-    if material.use_specular_workflow and max(material.diffuse_color) == 0.0:
-        base = material.specular_color
-    elif not material.use_specular_workflow and material.metallic == 1.0:
-        base = material.diffuse_color
-    else:
-        raise NoCounterpartError(material.path, "a diffuse lobe under a specular one")
-    if material.roughness < MIN_ROUGHNESS:
-        raise NoCounterpartError(material.path, f"roughness {material.roughness:g} is below {MIN_ROUGHNESS}")
-    metal = {"type": "principled", "base_color": color(base), "metallic": 1.0, "roughness": material.roughness}
-    return {"type": "twosided", "coat": metal}
-
-
-def interface(material: Material) -> dict[str, Any]:
-    """A dielectric that is nothing else."""
-    if material.transmission < 1.0 or material.opacity < 1.0 or material.transmission_depth > 0.0:
-        raise NoCounterpartError(material.path, "glass that is partly something else, or absorbs")
-    tint = {"int_ior": material.ior, "ext_ior": 1.0, "specular_transmittance": color(material.transmission_color)}
-    if material.roughness == 0.0:
-        return {"type": "thindielectric" if material.thin_walled else "dielectric", **tint}
-    if material.thin_walled or material.roughness < MIN_ROUGHNESS:
-        raise NoCounterpartError(material.path, "a rough pane, or glass that is nearly smooth")
-    return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.roughness**2, **tint}
+def picture_coordinates(geometry: Geometry, chosen: NDArray[Any], painted: TextureLookup) -> NDArray[np.float32]:
+    """Where the corners of triangles lie in the picture, from its upper left corner, shape (triangles, 3, 2)."""
+    s_t = geometry.primvars[chosen, :, painted.column : painted.column + 2]
+    homogeneous = np.concatenate([s_t, np.ones_like(s_t[..., :1])], axis=-1)
+    found = homogeneous @ np.array(painted.transform, np.float32).T
+    found[..., 1] = 1.0 - found[..., 1]
+    return found
 
 
 def light(item: Light) -> dict[str, Any]:
     """The light as a Mitsuba emitter, or as a shape that emits and lets every ray pass."""
+    if item.control.asks:
+        raise NoCounterpartError(item.path, "a light that is shaped, filtered or linked")
     if isinstance(item, DomeLight):
         return dome(item)
     if isinstance(item, DistantLight):
@@ -234,8 +226,3 @@ def dome(item: DomeLight) -> dict[str, Any]:
 def area_emitter(radiance: Any) -> dict[str, Any]:
     """One-sided emission, the same in all directions."""
     return {"type": "area", "radiance": color(radiance)}
-
-
-def color(rgb: Any) -> dict[str, Any]:
-    """A linear Rec.709 triple as Mitsuba takes it, without any conversion to spectra."""
-    return {"type": "rgb", "value": [float(c) for c in rgb]}
