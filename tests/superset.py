@@ -26,6 +26,7 @@ LIGHTS = Features(
     smooth=True,
     opacity=True,
     shading_normals=True,
+    clipping=True,
     indirect=True,
 )
 LOOKS = replace(
@@ -37,7 +38,6 @@ LOOKS = replace(
     normal_maps=True,
     orthographic=True,
     depth_of_field=True,
-    clipping=True,
 )
 CONTROLS = replace(
     LIGHTS,
@@ -52,6 +52,7 @@ CONTROLS = replace(
     shadow_links=True,
 )
 GLASS = replace(LIGHTS, transmission=True, rough_transmission=True, absorption=True)
+TREES = replace(LIGHTS, light_tree=True, shaping=True, light_response=True, light_links=True, shadow_links=True)
 # What paths are built differently with is as the scene has it: those kernels are not the same code.
 AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 
@@ -59,11 +60,12 @@ AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 def shared(scene: warpmis.Scene) -> Features:
     """The first of the common sets of effects that holds those of the scene, or just these. A kernel of all effects
     takes as long to compile as three of a scene's own; so does one of the larger sets with a tree of lights, which few
-    scenes have."""
+    scenes have: they share a set of their own."""
     own = detect(scene)
     kept = {name: getattr(own, name) for name in AS_THE_SCENE_HAS_IT}
-    larger = () if any(kept.values()) else (LOOKS, CONTROLS, GLASS)
-    candidates = (replace(one, **kept) for one in (LIGHTS, *larger, own))
+    alone = () if any(kept.values()) else (LOOKS, CONTROLS, GLASS)
+    sets = (TREES,) if own.light_tree else (LIGHTS, *alone)
+    candidates = (replace(one, **kept) for one in (*sets, own))
     return next(features for features in candidates if effects_of(own) <= effects_of(features))
 
 

@@ -8,11 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from compare.fakes import SCENE, FakeRender
 
 import warpmis
 from warpmis.cli import main
+from warpmis.compare import write
+from warpmis.compare.flip import Flip
 from warpmis.compare.measure import Settings, run_experiment
 from warpmis.compare.summary import summarize
 from warpmis.compare.variants import Variant
@@ -128,6 +131,13 @@ class Interrupting(FakeRender):
         return super().__call__(scene, **options)
 
 
+@pytest.fixture
+def quick_flip(monkeypatch: pytest.MonkeyPatch) -> None:
+    """FLIP takes as long as all else of a comparison of small pictures: here it says the same of all."""
+    monkeypatch.setattr(write, "flip", lambda image, reference: Flip(0.5, np.zeros(image.shape, np.uint8)))
+
+
+@pytest.mark.usefixtures("quick_flip")
 def test_interrupted_it_writes_what_it_has(
     loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -150,6 +160,7 @@ def test_interrupted_it_writes_what_it_has(
     assert told == {(1, 1, 3), (2, 1, 2), (2, 2, 2), (2, 1, 1)}, "methods, repetitions, lines about the interrupt"
 
 
+@pytest.mark.usefixtures("quick_flip")
 def test_interrupted_with_denoising_it_writes_what_it_has(
     loaded: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,8 +24,8 @@ from warpmis.rendering.launches import Launcher
 SEEDS = 16
 POWER = {"thin wall": 0.1}  # next-event estimation is noisy there
 POWER_OF_OTHERS = 0.05
-SPP = {"thin wall": 256, "half dark": 256, "mirrors": 128}
-SPP_OF_OTHERS = 64
+SPP = {"thin wall": 160, "half dark": 256, "mirrors": 128}
+SPP_OF_OTHERS = 40
 SETTINGS: dict[str, Any] = {"max_depth": 4, "width": 16}
 LOOK = camera((0.0, 0.5, 0.9), -20.0, 0.8)
 

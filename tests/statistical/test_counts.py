@@ -14,7 +14,7 @@ import warpmis
 from warpmis.rendering import counted
 
 SIGNIFICANCE = 0.01
-SEEDS = 16
+SEEDS = 24
 PILOTS = 48
 GIVEN = ((0, 1), (2, 1), (1, 2), (4, 3))
 SCENES = {"room": 0.03, "hidden_light": 0.03}
@@ -31,10 +31,10 @@ def small_pilots(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_given_counts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     small_pilots(monkeypatch)
-    reference = estimates(name, SEEDS, spp=64, method="nee")
+    reference = estimates(name, SEEDS, spp=32, method="nee")
     for lights, paths in GIVEN:
         monkeypatch.setattr(counted, "best_counts", lambda *_, given=(lights, paths): given)
-        found = estimates(name, SEEDS, spp=32, method="counts")
+        found = estimates(name, SEEDS, spp=16, method="counts")
         assert paired_p_values(found, reference).min() > LEVEL, (lights, paths)
         if lights > 0:  # without them few paths find the lamp
             assert caught_bias(found, reference, LEVEL) < SCENES[name], (lights, paths)

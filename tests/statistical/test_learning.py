@@ -17,15 +17,16 @@ from warpmis.rendering.specialise import features_of
 FIXED = tuple(round(0.1 * tenth, 1) for tenth in range(1, 10))
 ROUNDS = 8
 # Samples per pixel of a learn round; on the terrace few of them meet what decides.
-LEARN_SPP = {"cornell_box": 512, "ajar_door": 1024, "veach_plates": 1024, "open_terrace": 2048}
+LEARN_SPP = {"cornell_box": 384, "ajar_door": 1024, "veach_plates": 1024, "open_terrace": 2048}
 # And of the measurement of variance. Behind the door the variance is that of long paths whoever draws the first
 # direction: nearly equal for shares of the BSDF from 0.6 on, it takes more to compare.
-SPP = {"cornell_box": 1024, "ajar_door": 6144, "veach_plates": 2048, "open_terrace": 2048}
-WIDTH = 32
+SPP = {"cornell_box": 768, "ajar_door": 6144, "veach_plates": 2048, "open_terrace": 2048}
+# The first is the test of every day.
+WIDTH = {"cornell_box": 24, "ajar_door": 32, "veach_plates": 32, "open_terrace": 32}
 
 
 def load(name: str) -> warpmis.Scene:
-    return warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=WIDTH)
+    return warpmis.load_stage(scenes.USD_SCENES / name / "scene.usda", width=WIDTH[name])
 
 
 def relative_variance(result: warpmis.RenderResult, mean: np.ndarray) -> float:

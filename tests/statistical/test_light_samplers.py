@@ -28,16 +28,16 @@ def grid_of(name: str) -> tuple[Grid, int]:
     if CASES[name].by_surface:
         light = CASES[name].scene().lights[0]
         assert isinstance(light, RectLight | DiskLight | CylinderLight)
-        return SurfaceGrid(light), 40
+        return SurfaceGrid(light), 24
     if name == "dome_picture":
         # The texels' own edges: about the dome's +Y, phi = pi / 2 - 2 pi u.
         frame = np.stack([TURN[:, 0], -TURN[:, 2], TURN[:, 1]])
-        return DirectionGrid(frame, 1.0 - np.cos(np.pi * np.arange(9) / 8), np.linspace(-np.pi, np.pi, 17)), 48
+        return DirectionGrid(frame, 1.0 - np.cos(np.pi * np.arange(9) / 8), np.linspace(-np.pi, np.pi, 17)), 24
     wi, out = sampled(name, PILOT, seed=2)
     grid = DirectionGrid.fitted(wi[out["sampled_pdf"] > 0.0], np.linspace(0.0, 1.0, 13), sectors=12)
     if CASES[name].by_tree:
-        return grid, 112  # triangles seen edge-on have samples, too
-    return grid, 64 if CASES[name].overlaps else 40
+        return grid, 72  # triangles seen edge-on have samples, too
+    return grid, 48 if CASES[name].overlaps else 40
 
 
 @pytest.mark.parametrize("name", CASES)

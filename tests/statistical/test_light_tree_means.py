@@ -1,6 +1,6 @@
 """Chosen by a tree, lights make the same picture as weighed one by one: paired t-tests, Sidak-corrected.
 
-A single kernel with all effects serves all cases: it goes by the tree where the scene has been uploaded with one.
+The kernels with a tree that all tests share serve all cases: they go by it where the scene has been uploaded with one.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from unittest import mock
 import numpy as np
 import pytest
 import scenes
-from hard.every import effects_of
 from numpy.typing import NDArray
 from statistical.estimates import REGIONS, block_means, caught_bias, paired_p_values
 from stats import sidak
+from superset import TREES
 
 import warpmis
+from warpmis.rendering.render import Uploads
 from warpmis.scene import (
     CylinderLight,
     DiskLight,
@@ -33,7 +34,7 @@ from warpmis.scene import (
 )
 from warpmis.scene.light_control import LightControl, Shaping
 
-SEEDS = 13
+SEEDS = 24
 WAYS: dict[str, dict[str, Any]] = {
     "next-event": {"method": "nee"},
     "light": {"method": "balance"},
@@ -124,23 +125,25 @@ LEVEL = sidak(0.01, len(CASES) * len(WAYS) * REGIONS)
 
 
 def pictures(
-    scene: Scene, few: int, settings: dict[str, Any], effects: features.Features | None = None, spp: int = 32
+    scene: Scene, few: int, settings: dict[str, Any], effects: features.Features = TREES, spp: int = 12
 ) -> NDArray[np.float64]:
+    """Chosen by trees where there are more lights than `few`."""
+    uploads = Uploads()
     with mock.patch.object(features, "FEW_LIGHTS", few):
-        every = effects or replace(effects_of(CASES.values()), light_tree=True)  # one kernel a way for all cases
-        found = (warpmis.render(scene, spp=spp, seed=k, features=every, **settings).image for k in range(SEEDS))
+        found = (
+            warpmis.render(scene, spp=spp, seed=k, features=effects, uploads=uploads, **settings).image
+            for k in range(SEEDS)
+        )
         return np.array([block_means(image) for image in found])
 
 
 def test_the_choice_by_glossy_lobes_changes_no_mean() -> None:
     """With trees and without, against a choice that knows irradiance alone; the back wall is of rough metal."""
     case = CASES["points and suns among lamps"]
-    with mock.patch.object(features, "FEW_LIGHTS", 0):
-        every = replace(effects_of(CASES.values()), light_tree=True)
-    reference = pictures(case, 1000, {"method": "nee"}, replace(every, glossy_choice=False))
+    reference = pictures(case, 1000, {"method": "nee"}, replace(TREES, glossy_choice=False))
     level = sidak(0.01, 2 * REGIONS)
     for few in (0, 1000):
-        found = pictures(case, few, {"method": "nee"}, every)
+        found = pictures(case, few, {"method": "nee"})
         assert (found != reference).any()
         assert paired_p_values(found, reference).min() > level
         assert caught_bias(found, reference, level) < 0.03
@@ -149,7 +152,7 @@ def test_the_choice_by_glossy_lobes_changes_no_mean() -> None:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("case", CASES)
 def test_a_tree_changes_no_mean(case: str, way: str) -> None:
-    spp = 64 if case in NOISIEST else 32
+    spp = 24 if case in NOISIEST else 12
     by_tree, one_by_one = (pictures(CASES[case], few, WAYS[way], spp=spp) for few in (0, 1000))
     assert (by_tree != one_by_one).any(), "the tree changes nothing: it was not taken"
     assert paired_p_values(by_tree, one_by_one).min() > LEVEL

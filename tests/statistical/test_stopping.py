@@ -35,8 +35,8 @@ def holds(broken: int) -> bool:
 @pytest.mark.parametrize(
     ("name", "target", "sampler", "method"),
     [
-        ("room", 0.15, "lattice", "nee"),
-        ("room", 0.08, "lattice", "guided"),
+        ("room", 0.2, "lattice", "nee"),
+        ("room", 0.1, "lattice", "guided"),
         pytest.param("cornell_box", 0.1, "independent", "auto", marks=pytest.mark.slow),
         pytest.param("ajar_door", 0.3, "lattice", "auto", marks=pytest.mark.slow),
         pytest.param("veach_plates", 0.05, "independent", "auto", marks=pytest.mark.slow),

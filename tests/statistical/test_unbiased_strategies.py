@@ -17,8 +17,6 @@ from stats import sidak
 
 from warpmis.config import COMPLETE, STRATEGIES
 
-pytestmark = pytest.mark.own_kernels
-
 SPP = 128
 SIGNIFICANCE = 0.01
 LEAST_COMPLETE = 0.3
@@ -72,17 +70,17 @@ POWER = {
 }
 
 
-def check(name: str, chosen: list[Subset], spp: int = SPP) -> None:
+def check(name: str, chosen: list[Subset], seeds: int, spp: int) -> None:
     random = np.random.default_rng(3)
     level = sidak(SIGNIFICANCE, len(SCENES) * len(chosen) * REGIONS)
     settings: dict[str, Any] = {"method": "fixed", "strategies": STRATEGIES, "spp": spp}
-    reference = estimates(name, SEEDS[name], **settings, allocation=tuple(np.full(8, 1 / 8)))
+    reference = estimates(name, seeds, **settings, allocation=tuple(np.full(8, 1 / 8)))
     disagreements, caught = [], []
     needed = NEEDED.get(name, ())
     for subset in chosen:
         shares = (1.0 - LEAST_NEEDED * len(needed)) * random_shares(subset, random)
         shares[[STRATEGIES.index(strategy) for strategy in needed]] += LEAST_NEEDED
-        found = estimates(name, SEEDS[name], **settings, allocation=tuple(shares))
+        found = estimates(name, seeds, **settings, allocation=tuple(shares))
         p = paired_p_values(found, reference)
         label = ", ".join(f"{name} {shares[STRATEGIES.index(name)]:.2f}" for name in {*subset, *needed})
         disagreements += [f"{label}, region {i}: p = {p[i]:.2g}" for i in range(REGIONS) if p[i] < level]
@@ -95,26 +93,27 @@ def check(name: str, chosen: list[Subset], spp: int = SPP) -> None:
 def test_mixtures_agree_where_a_light_is_hidden() -> None:
     """The small version: each strategy alone or with one other, and some larger mixtures."""
     few = [s for s in subsets() if len(s) == 1 or len(s) > 3 or (len(s) == 2 and "cosine" in s)]
-    check("hidden_light", few, spp=96)
+    check("hidden_light", few, seeds=18, spp=32)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_mixtures_agree(name: str) -> None:
-    check(name, subsets(), (4 if name == "open_terrace" else 2) * SPP)
+    check(name, subsets(), SEEDS[name], (4 if name == "open_terrace" else 2) * SPP)
 
 
-@pytest.mark.parametrize(("name", "spp"), [("hidden_light", SPP), ("open_terrace", 2 * SPP)])
+@pytest.mark.parametrize(("name", "spp"), [("hidden_light", 32), ("open_terrace", 48)])
 def test_choice_of_strategy_and_compensation_keep_the_mean(name: str, spp: int) -> None:
     """Stratified or random choice; a dome's picture sampled by what it has above its mean, which next-event estimation
     and mixtures make up for alike."""
-    plain = {method: estimates(name, SEEDS[name], method=method, spp=spp) for method in ("balance", "nee")}
+    seeds = 20
+    plain = {method: estimates(name, seeds, method=method, spp=spp) for method in ("balance", "nee")}
     others = [("balance", {"strategy_choice": "random"})]
     if name == "open_terrace":
         others += [(method, {"mis_compensation": True}) for method in plain]
     level = sidak(SIGNIFICANCE, 4 * REGIONS)
     for method, settings in others:
-        found = estimates(name, SEEDS[name], method=method, spp=spp, **settings)
+        found = estimates(name, seeds, method=method, spp=spp, **settings)
         assert not (found == plain[method]).all(), f"{settings} changes nothing"
         assert paired_p_values(found, plain[method]).min() > level, (method, settings)
         assert caught_bias(found, plain[method], level) < POWER[name], (method, settings)

@@ -26,12 +26,16 @@ from warpmis.scene.features import Features
 HOPPER = 90
 EVERY = Features.all().with_tree("warp")
 FEW = Features(rect_light=True, dome_constant=True, specular=True, clearcoat=True, indirect=True, tree="warp")
-MOST = replace(
+MANY = replace(
     FEW,
-    **dict.fromkeys(("sphere_light", "delta_light", "mesh_light", "light_tree", "dome_picture", "opacity"), True),
-    **dict.fromkeys(("transmission", "absorption", "textures", "shading_normals", "shaping"), True),
-    **dict.fromkeys(("instances", "emissive_instances"), True),
+    **dict.fromkeys(("sphere_light", "delta_light", "shaping", "dome_picture", "opacity"), True),
+    **dict.fromkeys(("transmission", "absorption", "textures", "shading_normals"), True),
 )
+# Apart from the others: together they take longer than each by itself.
+TREES = Features(
+    specular=True, indirect=True, delta_light=True, mesh_light=True, light_tree=True, instances=True,
+    emissive_instances=True, tree="warp",
+)  # fmt: skip
 POOLED = Layout(2, METHODS["pooled"].statistics)
 COST_AWARE = METHODS["cost-aware"].statistics
 COUNTS = FEW.with_strategies(DEFAULT_STRATEGIES).with_allocation("counts")
@@ -49,11 +53,13 @@ KERNELS = {
     "trace, few effects, weights": lambda: make_trace(WEIGHTS),
     "trace, few effects, pilot of weights": lambda: make_trace(WEIGHTS.with_strategies(DEFAULT_STRATEGIES, OF_WEIGHTS)),
     "trace, few effects, control": lambda: make_trace(CONTROL),
-    "trace, most effects, next-event estimation": lambda: make_trace(MOST),
+    "trace, many effects, next-event estimation": lambda: make_trace(MANY),
+    "trace, lights of instances by trees": lambda: make_trace(TREES),
     "trace, every effect, guided": lambda: make_trace(EVERY.with_cache()),
     "trace, few effects, mixture by cells": lambda: make_trace(FEW.with_strategies(CELL_STRATEGIES).with_cache()),
     "identify, every effect": lambda: make_identify(EVERY),
     "newton_share": lambda: make_newton_share(Layout(2)),
+    "newton_seed, four strategies": lambda: make_newton_seed(Layout(4)),
     "newton_seed, eight strategies": lambda: make_newton_seed(Layout(8)),
     "newton_simplex, eight strategies": lambda: make_newton_simplex(Layout(8, COST_AWARE)),
     "expectation, eight strategies": lambda: make_expectation(Layout(8, METHODS["kl-em"].statistics)),
@@ -66,8 +72,13 @@ KERNELS = {
     "pool": lambda: make_pool(POOLED),
     "whole samples, eight strategies": lambda: make_whole_samples(8),
 }
-# Over a minute each, of parts nearly all of which shorter ones compile.
-LONG = {name for name in KERNELS if name.startswith("trace, every effect")}
+# Of parts that shorter ones compile: nearly all of those of every effect, which take over a minute each; what is added
+# up is in test_cuda_statistics.py, too.
+LONG = {name for name in KERNELS if name.startswith("trace, every effect")} | {
+    "trace, few effects, cost-aware",
+    "trace, few effects, pilot of weights",
+    "newton_seed, eight strategies",
+}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in KERNELS])

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import scenes
+from superset import LIGHTS
 
 import warpmis
 from warpmis.device.film_buffers import download_film
@@ -15,7 +16,7 @@ from warpmis.learn.schedule import Round
 from warpmis.methods import METHODS
 from warpmis.rendering import integrator, launches
 from warpmis.rendering.specialise import features_of, kernels_of
-from warpmis.scene.features import Features, detect
+from warpmis.scene.features import Features
 
 pytestmark = pytest.mark.own_kernels
 
@@ -45,7 +46,7 @@ def test_rounds_go_on_where_the_last_one_stopped() -> None:
 
     def film_of(*parts: Round) -> np.ndarray:
         uploaded = upload(scenes.room(), "cpu")
-        features = detect(scenes.room()).with_strategies(config.strategies).with_sampler(config.sampler)
+        features = LIGHTS.with_strategies(config.strategies).with_sampler(config.sampler)
         run = integrator.Integrator(uploaded, features, config, integrator.allocation_of(config, 16, 16))
         for part in parts:
             run.trace(part, lambda samples: None)
@@ -65,7 +66,7 @@ def test_pieces_of_a_sequence_are_rounds_of_their_own(sampler: str) -> None:
 
     def film_of(part: Round, piece: range) -> np.ndarray:
         uploaded = upload(scenes.room(), "cpu")
-        features = detect(scenes.room()).with_strategies(()).with_sampler(sampler)
+        features = LIGHTS.with_strategies(()).with_sampler(sampler)
         run = integrator.Integrator(uploaded, features, config, integrator.allocation_of(config, 16, 16))
         run.trace(part, lambda samples: None, piece)
         return download_film(run.film, 16, 16).color
@@ -102,7 +103,7 @@ def test_universal_kernel_traces_the_same_paths() -> None:
 def test_first_hit_pictures() -> None:
     """Straight ahead, a camera in the room sees the metal back wall 1.95 away."""
     ahead = scenes.camera((0, 1, 0.95), (0, 1, -1), half_width=0.05)
-    result = warpmis.render(dataclasses.replace(scenes.room(), camera=ahead), spp=16, method="nee")
+    result = warpmis.render(dataclasses.replace(scenes.room(), camera=ahead), spp=16, method="nee", features=LIGHTS)
     assert result.depth == pytest.approx(1.95, abs=1e-4)
     assert result.normal == pytest.approx(np.broadcast_to((0.0, 0.0, 1.0), result.normal.shape), abs=1e-5)
     assert result.albedo == pytest.approx(np.broadcast_to((0.9, 0.8, 0.6), result.albedo.shape), abs=1e-5)
