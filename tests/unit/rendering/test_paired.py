@@ -32,7 +32,7 @@ def give(monkeypatch: pytest.MonkeyPatch, *row: float) -> None:
 
 
 @pytest.mark.parametrize(("method", "row"), [("variance_aware", (0.5, 0.5)), ("optimal", (0.0, 0.0, 0.0))])
-@pytest.mark.parametrize("sampler", ["lattice", "independent"])
+@pytest.mark.parametrize("sampler", ["lattice", pytest.param("independent", marks=pytest.mark.slow)])
 def test_equal_weights_and_no_control_are_next_event_estimation(
     method: str, row: tuple[float, ...], sampler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
