@@ -31,7 +31,7 @@ SIZE = 16
 
 @pytest.fixture(autouse=True)
 def small_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "TASK_SECONDS", 0.05)
+    monkeypatch.setattr(cluster, "TASK_SECONDS", 0.2)
     monkeypatch.setattr(cluster, "FIRST_PASS", 2)
     monkeypatch.setattr(training, "FIRST_PATHS", 1024)
     # `auto` has a pilot, and trials.
