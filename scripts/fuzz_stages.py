@@ -193,7 +193,7 @@ def work(first: int, end: int, render_every: int) -> None:
                     read_products_of(path)
                 scene = warpmis.load_stage(path, width=4, complexity="high" if len(text) < FINE else "low")
                 if number % render_every == 0 and max(scene.resolution) <= 64:
-                    check(warpmis.render(scene, spp=1, method="nee", features=Features.all(), threads=1))
+                    check(warpmis.render(scene, spp=1, method="balance", features=Features.all(), threads=1))
                 said = "read"
             except warpmis.WarpmisError as error:
                 said = "refused" if len(str(error).splitlines()) == 1 else "refused in several lines"
