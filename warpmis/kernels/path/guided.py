@@ -105,6 +105,7 @@ def make_guided(
 
     @wp.func
     def add_light_sample(scene: SceneView, path: wp.ref[PathState], vertex: wp.ref[Vertex], cell: int) -> float:
+        """The same, if the light sample is taken."""
         if vertex.u_cache[1] >= path.estimate.light_rate:
             return 0.0
         return take_light_sample(scene, path, vertex, cell)
