@@ -10,10 +10,11 @@ from warpmis.device.views import CameraView, RoundView, SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.hit import Hit
-from warpmis.kernels.intersect import MAX_TRANSPARENT, make_intersect
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.material import make_material
 from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.shading_frame import luminance, to_local
+from warpmis.kernels.shadow import MAX_TRANSPARENT
 from warpmis.kernels.trace import random_key
 from warpmis.scene.features import Features
 
@@ -81,7 +82,9 @@ def make_coverage(features: Features) -> KernelFunction:
                     break
                 passes = share_that_passes(scene, ray.direction, hit)
                 if passes < 1.0:
-                    surface = wp.vec2i(intersect.prim_of(scene, hit), scene.triangles[hit.triangle].material / 2)
+                    surface = wp.vec2i(
+                        intersect.prim_at(scene, hit.instance, hit.triangle), scene.triangles[hit.triangle].material / 2
+                    )
                     add_share(surfaces, shares, row, surface, weight * (1.0 - passes))
                 weight = weight * passes
                 remaining -= hit.distance

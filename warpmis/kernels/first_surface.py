@@ -10,9 +10,10 @@ from warpmis.device.views import CameraView, SceneView
 from warpmis.kernels import rng
 from warpmis.kernels.camera import make_camera
 from warpmis.kernels.hit import Hit
-from warpmis.kernels.intersect import MAX_TRANSPARENT, make_intersect
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.material import make_material
+from warpmis.kernels.shadow import MAX_TRANSPARENT
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})

@@ -7,7 +7,7 @@ import warp as wp
 from warpmis.device.views import SceneView
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.shading_frame import max_abs
-from warpmis.kernels.wide_tree import NO_FACE, TriangleHit, any_in_tree, closest_in_tree
+from warpmis.kernels.wide_tree import NO_FACE, TriangleHit, closest_in_tree, corner_in_tree
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
@@ -92,11 +92,6 @@ def closest_in_mesh(
 
 
 @wp.func
-def any_in_mesh(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
-    return wp.mesh_query_ray_anyhit(mesh, origin, wi, reach)
-
-
-@wp.func
 def closest_in_wide_tree(
     scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float
 ) -> TriangleHit:
@@ -104,15 +99,22 @@ def closest_in_wide_tree(
 
 
 @wp.func
-def any_in_wide_tree(scene: SceneView, mesh: wp.uint64, root: int, origin: wp.vec3, wi: wp.vec3, reach: float) -> bool:
-    return any_in_tree(scene.tree, root, origin, wi, reach)
+def corner_in_mesh(scene: SceneView, triangle: int, slot: int, corner: int) -> wp.vec3:
+    return scene.points[scene.indices[triangle][corner]]
+
+
+@wp.func
+def corner_in_wide_tree(scene: SceneView, triangle: int, slot: int, corner: int) -> wp.vec3:
+    """From the leaf, which the ray has just read: the triangle's row and its points are rarely in a CPU's cache."""
+    return corner_in_tree(scene.tree, slot, corner)
 
 
 def make_hit(features: Features) -> SimpleNamespace:
-    """Functions for the kind of tree in `features`: closest and any_hit, of one mesh, and closest_hit, of the world."""
+    """Functions for the kind of tree in `features`: closest, of one mesh; corner, of a triangle that was found, in the
+    space of its mesh; and closest_hit, of the world."""
     wide = features.tree == "wide"
     closest = closest_in_wide_tree if wide else closest_in_mesh
-    any_hit = any_in_wide_tree if wide else any_in_mesh
+    corner = corner_in_wide_tree if wide else corner_in_mesh
 
     @wp.func
     def closest_hit(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
@@ -122,10 +124,9 @@ def make_hit(features: Features) -> SimpleNamespace:
         found = closest(scene, scene.mesh, scene.root, origin, wi, INFINITE_DISTANCE)
         if found.face == NO_FACE:
             return hit
-        corners = scene.indices[found.face]
-        p0 = scene.points[corners[0]]
-        p1 = scene.points[corners[1]]
-        p2 = scene.points[corners[2]]
+        p0 = corner(scene, found.face, found.slot, 0)
+        p1 = corner(scene, found.face, found.slot, 1)
+        p2 = corner(scene, found.face, found.slot, 2)
         hit.distance = found.distance
         hit.triangle = found.face
         hit.u = found.u
@@ -134,4 +135,4 @@ def make_hit(features: Features) -> SimpleNamespace:
         hit.p = inner_point(p0, p1, p2, found.u, found.v, inset_of(p1 - p0, p2 - p0, hit.offset))
         return face_forward(hit, scene.triangles[found.face].n, wi)
 
-    return SimpleNamespace(closest=closest, any_hit=any_hit, closest_hit=closest_hit)
+    return SimpleNamespace(closest=closest, corner=corner, closest_hit=closest_hit)

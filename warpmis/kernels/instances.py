@@ -12,20 +12,17 @@ from warpmis.device.instance_views import InstanceView
 from warpmis.device.views import SceneView
 from warpmis.kernels.hit import NO_INSTANCE, OFFSET, Hit, face_forward, inner_point, inset_of
 from warpmis.kernels.shading_frame import max_abs
-from warpmis.kernels.wide_tree import NO_FACE
+from warpmis.kernels.wide_tree import NO_FACE, TriangleHit
 
 wp.set_module_options({"enable_backward": False})
 
 
 @wp.struct
 class InstanceHit:
-    """The closest triangle of all instances: NO_INSTANCE where there is none. u and v weigh its first two corners."""
+    """The closest triangle of all instances: NO_INSTANCE where there is none."""
 
-    distance: float
     instance: int
-    face: int
-    u: float
-    v: float
+    triangle: TriangleHit
 
 
 @wp.func
@@ -71,66 +68,49 @@ def offset_of(instance: InstanceView, p: wp.vec3, n: wp.vec3, n_world: wp.vec3, 
     return OFFSET * (max_abs(world) + max_abs(instance.translation) + along_n_world)
 
 
-@wp.func
-def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
-    """The surface that a ray has found, in world space."""
-    instance = scene.instances[found.instance]
-    hit = Hit()
-    hit.distance = found.distance
-    hit.instance = found.instance
-    hit.triangle = instance.first_triangle + found.face
-    hit.u = found.u
-    hit.v = found.v
-    corners = scene.indices[hit.triangle]
-    p0 = scene.points[corners[0]]
-    p1 = scene.points[corners[1]]
-    p2 = scene.points[corners[2]]
-    n = scene.triangles[hit.triangle].n
-    n_world = normal_to_world(scene, hit.instance, n)
-    corner = wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
-    p = inner_point(p0, p1, p2, hit.u, hit.v, 0.0)
-    hit.offset = offset_of(instance, p, n, n_world, corner)
-    # The offset is in the world's units, so the edges are, too.
-    inset = inset_of(instance.linear * (p1 - p0), instance.linear * (p2 - p0), hit.offset)
-    hit.p = instance.linear * inner_point(p0, p1, p2, hit.u, hit.v, inset) + instance.translation
-    return face_forward(hit, wp.normalize(n_world), wi)
-
-
 def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
-    """Functions with those of kernels/hit.py: closest_hit_of_all, is_occluded_by_instance."""
+    """With the functions of kernels/hit.py: closest_hit_of_all."""
 
     @wp.func
-    def closest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, reach: float) -> InstanceHit:
-        """The closest triangle nearer than `reach`."""
+    def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
+        """The surface that a ray has found, in world space."""
+        instance = scene.instances[found.instance]
+        hit = Hit()
+        hit.distance = found.triangle.distance
+        hit.instance = found.instance
+        hit.triangle = instance.first_triangle + found.triangle.face
+        hit.u = found.triangle.u
+        hit.v = found.triangle.v
+        p0 = hits.corner(scene, hit.triangle, found.triangle.slot, 0)
+        p1 = hits.corner(scene, hit.triangle, found.triangle.slot, 1)
+        p2 = hits.corner(scene, hit.triangle, found.triangle.slot, 2)
+        n = scene.triangles[hit.triangle].n
+        n_world = normal_to_world(scene, hit.instance, n)
+        corner = wp.max(max_abs(p0), wp.max(max_abs(p1), max_abs(p2)))
+        p = inner_point(p0, p1, p2, hit.u, hit.v, 0.0)
+        hit.offset = offset_of(instance, p, n, n_world, corner)
+        # The offset is in the world's units, so the edges are, too.
+        inset = inset_of(instance.linear * (p1 - p0), instance.linear * (p2 - p0), hit.offset)
+        hit.p = instance.linear * inner_point(p0, p1, p2, hit.u, hit.v, inset) + instance.translation
+        return face_forward(hit, wp.normalize(n_world), wi)
+
+    @wp.func
+    def closest_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, farthest: float) -> InstanceHit:
+        """The closest triangle nearer than `farthest`."""
         found = InstanceHit()
         found.instance = NO_INSTANCE
-        found.distance = reach
+        found.triangle.distance = farthest
         query = wp.bvh_query_ray(scene.instance_bvh, origin, nonzero(wi))
         index = int(0)
-        while wp.bvh_query_next(query, index, found.distance):
+        while wp.bvh_query_next(query, index, found.triangle.distance):
             instance = scene.instances[index]
             start = instance.inverse * (origin - instance.translation)
-            inside = hits.closest(scene, instance.mesh, instance.root, start, instance.inverse * wi, found.distance)
+            reach = found.triangle.distance
+            inside = hits.closest(scene, instance.mesh, instance.root, start, instance.inverse * wi, reach)
             if inside.face != NO_FACE:
-                found.distance = inside.distance
                 found.instance = index
-                found.face = inside.face
-                found.u = inside.u
-                found.v = inside.v
+                found.triangle = inside
         return found
-
-    @wp.func
-    def is_occluded_by_instance(scene: SceneView, origin: wp.vec3, wi: wp.vec3, distance: float) -> bool:
-        if scene.instance_count == 0:
-            return False
-        query = wp.bvh_query_ray(scene.instance_bvh, origin, nonzero(wi))
-        index = int(0)
-        while wp.bvh_query_next(query, index, distance):
-            instance = scene.instances[index]
-            start = instance.inverse * (origin - instance.translation)
-            if hits.any_hit(scene, instance.mesh, instance.root, start, instance.inverse * wi, distance):
-                return True
-        return False
 
     @wp.func
     def closest_hit_of_all(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
@@ -142,4 +122,4 @@ def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
                 return instance_surface(scene, found, wi)
         return hit
 
-    return SimpleNamespace(closest_hit_of_all=closest_hit_of_all, is_occluded_by_instance=is_occluded_by_instance)
+    return SimpleNamespace(closest_hit_of_all=closest_hit_of_all)

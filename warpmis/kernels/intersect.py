@@ -1,4 +1,4 @@
-"""Rays against the surfaces: the closest one with its frame, and the transmittance of a shadow ray."""
+"""Rays against the surfaces: the closest one, with its frame and its transparency."""
 
 from types import SimpleNamespace
 
@@ -10,7 +10,8 @@ from warpmis.kernels.bsdf.dielectric import is_clear_pane, pane_transmittance
 from warpmis.kernels.hit import NO_INSTANCE, Hit, make_hit
 from warpmis.kernels.instances import make_instances, normal_to_world
 from warpmis.kernels.material import make_material
-from warpmis.kernels.shading_frame import Frame, frame_from_normal, luminance, to_local
+from warpmis.kernels.shading_frame import Frame, frame_from_normal
+from warpmis.kernels.shadow import make_transmittance
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
@@ -18,13 +19,10 @@ wp.set_module_options({"enable_backward": False})
 # A mapped normal that the ray's origin sees at a smaller cosine is turned towards it.
 MIN_MAPPED_COSINE = wp.constant(0.01)
 
-# A ray goes straight through at most so many transparent surfaces.
-MAX_TRANSPARENT = wp.constant(64)
-
 
 def make_intersect(features: Features) -> SimpleNamespace:
-    """Intersection functions for the surfaces in `features`: closest_hit, shading_frame, transparency, transmittance,
-    and prim_of, has_shadow_link."""
+    """Functions for the surfaces in `features`: closest_hit, shading_frame, transparency, prim_at, material_at and
+    transmittance."""
     materials = make_material(features)
     hits = make_hit(features)
     instances = make_instances(hits)
@@ -87,73 +85,19 @@ def make_intersect(features: Features) -> SimpleNamespace:
         return share
 
     @wp.func
-    def is_opaque(material: MaterialView) -> bool:
-        """Whether no light goes straight through, wherever on the surface. The material's inputs are their means."""
-        if wp.static(features.transmission):
-            if material.transmission > 0.0 and material.thin_walled:
-                return False
-        return material.opacity >= 1.0
-
-    @wp.func
-    def prim_of(scene: SceneView, hit: Hit) -> int:
-        """Row in Scene.prims of the surface."""
+    def prim_at(scene: SceneView, instance: int, triangle: int) -> int:
+        """Row in Scene.prims of the surface that a triangle is of."""
         if wp.static(features.instances):
-            if hit.instance != NO_INSTANCE:
-                return scene.instances[hit.instance].prim
-        return scene.prims[hit.triangle]
+            if instance != NO_INSTANCE:
+                return scene.instances[instance].prim
+        return scene.prims[triangle]
 
-    @wp.func
-    def has_shadow_link(scene: SceneView, light: int) -> bool:
-        """Whether some prim casts no shadow from the light, a row of SceneView.controls."""
-        if light >= scene.controls.shape[0]:
-            return False
-        return scene.controls[light].shadow_casters.shape[0] > 0
-
-    @wp.func
-    def visibility(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """Share of the light that arrives among opaque surfaces: 1 or 0."""
-        if hits.any_hit(scene, scene.mesh, scene.root, origin, wi, distance):
-            return wp.vec3(0.0, 0.0, 0.0)
-        if wp.static(features.instances):
-            if instances.is_occluded_by_instance(scene, origin, wi, distance):
-                return wp.vec3(0.0, 0.0, 0.0)
-        return wp.vec3(1.0, 1.0, 1.0)
-
-    @wp.func
-    def transmittance(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """The same, per colour, where surfaces let light through, or cast no shadow from this light."""
-        if wp.static(not features.opacity):
-            if not has_shadow_link(scene, light):
-                return visibility(scene, light, origin, wi, distance)
-        share = wp.vec3(1.0, 1.0, 1.0)
-        start = origin
-        remaining = distance
-        for _surface in range(MAX_TRANSPARENT):
-            hit = closest(scene, start, wi)
-            if hit.distance >= remaining:
-                return share
-            is_caster = bool(True)
-            if wp.static(features.shadow_links):
-                if has_shadow_link(scene, light):
-                    is_caster = scene.controls[light].shadow_casters[prim_of(scene, hit)] != 0
-            if is_caster:
-                material = scene.materials[scene.triangles[hit.triangle].material]
-                if is_opaque(material):
-                    return wp.vec3(0.0, 0.0, 0.0)
-                material = materials.at(scene, hit.triangle, hit.instance, hit.u, hit.v)
-                cos_theta = to_local(shading_frame(scene, hit, material, wi), -wi)[2]
-                share = wp.cw_mul(share, transparency(scene, material, cos_theta))
-                if luminance(share) <= 0.0:
-                    return share
-            remaining -= hit.distance
-            start = hit.p - hit.ng * hit.offset
-        return wp.vec3(0.0, 0.0, 0.0)
-
-    return SimpleNamespace(
+    surfaces = SimpleNamespace(
         closest_hit=closest,
         shading_frame=shading_frame,
         transparency=transparency,
-        prim_of=prim_of,
-        has_shadow_link=has_shadow_link,
-        transmittance=transmittance if features.opacity or features.shadow_links else visibility,
+        prim_at=prim_at,
+        material_at=materials.at,
     )
+    surfaces.transmittance = make_transmittance(features, surfaces)
+    return surfaces

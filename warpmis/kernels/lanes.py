@@ -33,6 +33,18 @@ def splat8(x: float) -> vec8f:
     return vec8f(x, x, x, x, x, x, x, x)
 
 
+@wp.func_native("return rows.data[row];")
+def row8(rows: wp.array(dtype=vec8f), row: int) -> vec8f:
+    """A row of an array without gaps; Warp's own access multiplies by the array's stride."""
+    ...
+
+
+@wp.func_native("return rows.data[row][lane];")
+def lane_of_row(rows: wp.array(dtype=vec8f), row: int, lane: int) -> float:
+    """One of the eight numbers of a row."""
+    ...
+
+
 @wp.func_native(f"""
     {VECTORS}
     return __builtin_bit_cast(unsigned char, __builtin_convertvector(lanes_of(a) <= lanes_of(b), bits));
@@ -42,10 +54,16 @@ def mask_less_equal(a: vec8f, b: vec8f) -> int:
     ...
 
 
-@wp.func_native("""
+@wp.func_native(f"""
     auto least = a;
+    #ifdef __clang__
+    {VECTORS}
+    lanes either = lanes_of(a) < lanes_of(b) ? lanes_of(a) : lanes_of(b);
+    __builtin_memcpy(&least, &either, sizeof(either));
+    #else
     for (int i = 0; i < 8; ++i)
         least[i] = a[i] < b[i] ? a[i] : b[i];
+    #endif
     return least;
 """)
 def min8(a: vec8f, b: vec8f) -> vec8f:
@@ -53,10 +71,16 @@ def min8(a: vec8f, b: vec8f) -> vec8f:
     ...
 
 
-@wp.func_native("""
+@wp.func_native(f"""
     auto most = a;
+    #ifdef __clang__
+    {VECTORS}
+    lanes either = lanes_of(a) > lanes_of(b) ? lanes_of(a) : lanes_of(b);
+    __builtin_memcpy(&most, &either, sizeof(either));
+    #else
     for (int i = 0; i < 8; ++i)
         most[i] = a[i] > b[i] ? a[i] : b[i];
+    #endif
     return most;
 """)
 def max8(a: vec8f, b: vec8f) -> vec8f:

@@ -12,17 +12,23 @@ Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1)).
 
 import warp as wp
 
-from warpmis.device.views import WideTreeView
-from warpmis.kernels.lanes import first_set_bit, mask_less_equal, max8, min8, splat8
+from warpmis.device.views import SceneView, WideTreeView
+from warpmis.kernels.lanes import first_set_bit, lane_of_row, mask_less_equal, max8, min8, row8, splat8
 
 wp.set_module_options({"enable_backward": False})
 
-# Nodes and leaves still to be visited, and levels; device/wide_tree.py builds no tree that needs more.
+# Nodes and leaves still to be visited; device/wide_tree.py builds no tree that needs more.
 STACK_SIZE = 128
-LEVELS = 20
 stack_of_nodes = wp.types.vector(length=STACK_SIZE, dtype=wp.int32)
 stack_of_distances = wp.types.vector(length=STACK_SIZE, dtype=wp.float32)
-stack_of_levels = wp.types.vector(length=LEVELS, dtype=wp.int32)
+
+# In place of a node or a leaf: all have been visited.
+NO_NODE = wp.constant(0x7FFFFFFF)
+
+# What a ray meets on its way: no surface; some that may let light through; one at least that lets none through.
+OPEN = wp.constant(0)
+VEILED = wp.constant(1)
+BLOCKED = wp.constant(2)
 
 # Components of a direction count as no smaller, so that their inverses are finite.
 MIN_COMPONENT = wp.constant(1.0e-20)
@@ -30,8 +36,9 @@ MIN_COMPONENT = wp.constant(1.0e-20)
 # Triangles whose area across the ray is a smaller share of their size squared are looked at in double precision.
 THIN_TRIANGLE = wp.constant(0.01)
 
-# In place of a triangle's row.
+# In place of a triangle's row, and of its place in a leaf.
 NO_FACE = wp.constant(-1)
+NO_SLOT = wp.constant(-1)
 
 
 @wp.struct
@@ -55,12 +62,28 @@ class SlabRay:
 
 @wp.struct
 class TriangleHit:
-    """The closest triangle: NO_FACE where there is none; u and v weigh its first two corners."""
+    """The closest triangle: NO_FACE where there is none; u and v weigh its first two corners.
+
+    slot: of a triangle in a wide tree, its place in a leaf, eight places a leaf.
+    """
 
     distance: float
     face: int
+    slot: int
     u: float
     v: float
+
+
+@wp.func_native("""
+    const char* start = child >= 0 ? (const char*)(tree.bounds.data + 6 * (size_t)child)
+                                   : (const char*)(tree.corners.data + 9 * (size_t)(-1 - child));
+    const int lines = child >= 0 ? 3 : 5;
+    for (int i = 0; i < lines; ++i)
+        __builtin_prefetch(start + 64 * i);
+""")
+def prefetch_child(tree: WideTreeView, child: int):
+    """Have the memory of a node's boxes or a leaf's triangles on its way before it is needed."""
+    ...
 
 
 @wp.func
@@ -86,25 +109,25 @@ def slab_ray(origin: wp.vec3, direction: wp.vec3) -> SlabRay:
 
 
 @wp.func
-def intersect_boxes(tree: WideTreeView, node: int, ray: SlabRay, reach: float):
+def intersect_boxes(tree: WideTreeView, node: int, ray: wp.ref[SlabRay], reach: float):
     """A mask of the node's boxes that the ray enters nearer than `reach`, and the distances at which it does."""
     x = splat8(ray.origin[0])
     y = splat8(ray.origin[1])
     z = splat8(ray.origin[2])
     row = 6 * node
-    near_x = (tree.bounds[row + ray.far[0]] - x) * ray.inverse[0]
-    far_x = (tree.bounds[row + 1 - ray.far[0]] - x) * ray.inverse[0]
-    near_y = (tree.bounds[row + 2 + ray.far[1]] - y) * ray.inverse[1]
-    far_y = (tree.bounds[row + 3 - ray.far[1]] - y) * ray.inverse[1]
-    near_z = (tree.bounds[row + 4 + ray.far[2]] - z) * ray.inverse[2]
-    far_z = (tree.bounds[row + 5 - ray.far[2]] - z) * ray.inverse[2]
+    near_x = (row8(tree.bounds, row + ray.far[0]) - x) * ray.inverse[0]
+    far_x = (row8(tree.bounds, row + 1 - ray.far[0]) - x) * ray.inverse[0]
+    near_y = (row8(tree.bounds, row + 2 + ray.far[1]) - y) * ray.inverse[1]
+    far_y = (row8(tree.bounds, row + 3 - ray.far[1]) - y) * ray.inverse[1]
+    near_z = (row8(tree.bounds, row + 4 + ray.far[2]) - z) * ray.inverse[2]
+    far_z = (row8(tree.bounds, row + 5 - ray.far[2]) - z) * ray.inverse[2]
     near = max8(max8(near_x, near_y), max8(near_z, splat8(0.0)))
     far = min8(min8(far_x, far_y), min8(far_z, splat8(reach)))
     return mask_less_equal(near, far), near
 
 
 @wp.func
-def intersect_triangles(tree: WideTreeView, leaf: int, ray: SlabRay, reach: float):
+def intersect_triangles(tree: WideTreeView, leaf: int, ray: wp.ref[SlabRay], reach: float):
     """Two masks of the leaf's triangles, and the distances and the weights of the first two corners of all eight.
 
     The first mask has those that the ray hits nearer than `reach`. The second has those that need double precision. In
@@ -115,15 +138,15 @@ def intersect_triangles(tree: WideTreeView, leaf: int, ray: SlabRay, reach: floa
     y = splat8(ray.origin[ray.ky])
     z = splat8(ray.origin[ray.kz])
     row = 9 * leaf
-    az = tree.corners[row + ray.kz] - z
-    bz = tree.corners[row + 3 + ray.kz] - z
-    cz = tree.corners[row + 6 + ray.kz] - z
-    ax = tree.corners[row + ray.kx] - x - az * ray.sx
-    ay = tree.corners[row + ray.ky] - y - az * ray.sy
-    bx = tree.corners[row + 3 + ray.kx] - x - bz * ray.sx
-    by = tree.corners[row + 3 + ray.ky] - y - bz * ray.sy
-    cx = tree.corners[row + 6 + ray.kx] - x - cz * ray.sx
-    cy = tree.corners[row + 6 + ray.ky] - y - cz * ray.sy
+    az = row8(tree.corners, row + ray.kz) - z
+    bz = row8(tree.corners, row + 3 + ray.kz) - z
+    cz = row8(tree.corners, row + 6 + ray.kz) - z
+    ax = row8(tree.corners, row + ray.kx) - x - az * ray.sx
+    ay = row8(tree.corners, row + ray.ky) - y - az * ray.sy
+    bx = row8(tree.corners, row + 3 + ray.kx) - x - bz * ray.sx
+    by = row8(tree.corners, row + 3 + ray.ky) - y - bz * ray.sy
+    cx = row8(tree.corners, row + 6 + ray.kx) - x - cz * ray.sx
+    cy = row8(tree.corners, row + 6 + ray.ky) - y - cz * ray.sy
     u = wp.cw_mul(cx, by) - wp.cw_mul(cy, bx)
     v = wp.cw_mul(ax, cy) - wp.cw_mul(ay, cx)
     w = wp.cw_mul(bx, ay) - wp.cw_mul(by, ax)
@@ -146,16 +169,28 @@ def intersect_triangles(tree: WideTreeView, leaf: int, ray: SlabRay, reach: floa
 
 
 @wp.func
-def sheared(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec2d:
+def corner_in_tree(tree: WideTreeView, slot: int, corner: int) -> wp.vec3:
+    """A corner, from 0 to 2, of the triangle in the slot."""
+    row = 9 * (slot >> 3) + 3 * corner
+    lane = slot & 7
+    return wp.vec3(
+        lane_of_row(tree.corners, row, lane),
+        lane_of_row(tree.corners, row + 1, lane),
+        lane_of_row(tree.corners, row + 2, lane),
+    )
+
+
+@wp.func
+def sheared(tree: WideTreeView, row: int, i: int, ray: wp.ref[SlabRay]) -> wp.vec2d:
     """A corner of a triangle in the plane in which the ray is a point."""
-    z = tree.corners[row + ray.kz][i] - ray.origin[ray.kz]
-    x = tree.corners[row + ray.kx][i] - ray.origin[ray.kx] - z * ray.sx
-    y = tree.corners[row + ray.ky][i] - ray.origin[ray.ky] - z * ray.sy
+    z = lane_of_row(tree.corners, row + ray.kz, i) - ray.origin[ray.kz]
+    x = lane_of_row(tree.corners, row + ray.kx, i) - ray.origin[ray.kx] - z * ray.sx
+    y = lane_of_row(tree.corners, row + ray.ky, i) - ray.origin[ray.ky] - z * ray.sy
     return wp.vec2d(wp.float64(x), wp.float64(y))
 
 
 @wp.func
-def edge_functions_exactly(tree: WideTreeView, row: int, i: int, ray: SlabRay) -> wp.vec3:
+def edge_functions_exactly(tree: WideTreeView, row: int, i: int, ray: wp.ref[SlabRay]) -> wp.vec3:
     a = sheared(tree, row, i, ray)
     b = sheared(tree, row + 3, i, ray)
     c = sheared(tree, row + 6, i, ray)
@@ -166,46 +201,50 @@ def edge_functions_exactly(tree: WideTreeView, row: int, i: int, ray: SlabRay) -
 
 
 @wp.func
-def intersect_exactly(tree: WideTreeView, leaf: int, i: int, ray: SlabRay) -> TriangleHit:
-    """Where the ray crosses a triangle that it may meet; NO_FACE where double precision shows that it does not."""
+def intersect_exactly(tree: WideTreeView, leaf: int, i: int, ray: wp.ref[SlabRay]) -> TriangleHit:
+    """Where the ray crosses a triangle that it may meet; NO_SLOT where double precision shows that it does not."""
     found = TriangleHit()
-    found.face = NO_FACE
+    found.slot = NO_SLOT
     row = 9 * leaf
     edges = edge_functions_exactly(tree, row, i, ray)
     total = edges[0] + edges[1] + edges[2]
     if total == 0.0 or (wp.min(edges) < 0.0 and wp.max(edges) > 0.0):
         return found
     depths = wp.vec3(
-        tree.corners[row + ray.kz][i], tree.corners[row + 3 + ray.kz][i], tree.corners[row + 6 + ray.kz][i]
+        lane_of_row(tree.corners, row + ray.kz, i),
+        lane_of_row(tree.corners, row + 3 + ray.kz, i),
+        lane_of_row(tree.corners, row + 6 + ray.kz, i),
     )
     depths -= wp.vec3(1.0, 1.0, 1.0) * ray.origin[ray.kz]
     scale = 1.0 / total
     found.distance = wp.dot(edges, depths) * ray.sz * scale
     if found.distance >= 0.0:
-        found.face = tree.faces[8 * leaf + i]
+        found.slot = 8 * leaf + i
         found.u = edges[0] * scale
         found.v = edges[1] * scale
     return found
 
 
 @wp.func
-def closest_in_leaf(tree: WideTreeView, leaf: int, ray: SlabRay, found: TriangleHit) -> TriangleHit:
-    """The closest triangle of the leaf, if it is nearer than what was found before; else that."""
+def closest_in_leaf(tree: WideTreeView, leaf: int, ray: wp.ref[SlabRay], found: wp.ref[TriangleHit]):
+    """Replaces `found` by the closest triangle of the leaf, if that is nearer."""
     mask, needs_exact, distances, u, v = intersect_triangles(tree, leaf, ray, found.distance)
     while mask != 0:
         i = first_set_bit(mask)
         mask = mask & (mask - 1)
         if distances[i] < found.distance:
             found.distance = distances[i]
-            found.face = tree.faces[8 * leaf + i]
+            found.slot = 8 * leaf + i
             found.u = u[i]
             found.v = v[i]
     while needs_exact != 0:
         here = intersect_exactly(tree, leaf, first_set_bit(needs_exact), ray)
         needs_exact = needs_exact & (needs_exact - 1)
-        if here.face != NO_FACE and here.distance < found.distance:
-            found = here
-    return found
+        if here.slot != NO_SLOT and here.distance < found.distance:
+            found.distance = here.distance
+            found.slot = here.slot
+            found.u = here.u
+            found.v = here.v
 
 
 @wp.func
@@ -213,65 +252,101 @@ def closest_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: w
     """The closest triangle nearer than `reach`, in units of the direction's length."""
     found = TriangleHit()
     found.face = NO_FACE
+    found.slot = NO_SLOT
     found.distance = reach
     ray = slab_ray(origin, direction)
-    nodes = stack_of_nodes()
+    # Nodes and leaves that the ray enters and has not visited, the nearest of a node's on top, and where it enters.
+    waiting = stack_of_nodes()
     distances = stack_of_distances()
-    nodes[0] = root
-    size = int(1)
-    while size > 0:
-        size -= 1
-        if distances[size] >= found.distance:
-            continue
-        node = nodes[size]
+    count = int(0)
+    node = int(root)
+    while node != NO_NODE:
+        nearest = int(NO_NODE)
         if node >= 0:
             mask, near = intersect_boxes(tree, node, ray, found.distance)
-            first = size
-            while mask != 0:
-                i = first_set_bit(mask)
+            if mask != 0:
+                # Most rays that enter a node enter one of its boxes, whose child goes past the stack.
+                lane = first_set_bit(mask)
                 mask = mask & (mask - 1)
-                # The nearest last, since that is the next to be visited.
-                place = size
-                while place > first and distances[place - 1] < near[i]:
-                    distances[place] = distances[place - 1]
-                    nodes[place] = nodes[place - 1]
-                    place -= 1
-                distances[place] = near[i]
-                nodes[place] = tree.children[8 * node + i]
-                size += 1
+                nearest = tree.children[8 * node + lane]
+                distance = near[lane]
+                prefetch_child(tree, nearest)
+                first = count
+                while mask != 0:
+                    lane = first_set_bit(mask)
+                    mask = mask & (mask - 1)
+                    child = tree.children[8 * node + lane]
+                    prefetch_child(tree, child)
+                    is_nearer = near[lane] <= distance
+                    farther = wp.where(is_nearer, nearest, child)
+                    farther_distance = wp.where(is_nearer, distance, near[lane])
+                    nearest = wp.where(is_nearer, child, nearest)
+                    distance = wp.where(is_nearer, near[lane], distance)
+                    place = count
+                    while place > first and distances[place - 1] < farther_distance:
+                        distances[place] = distances[place - 1]
+                        waiting[place] = waiting[place - 1]
+                        place -= 1
+                    distances[place] = farther_distance
+                    waiting[place] = farther
+                    count += 1
         else:
-            found = closest_in_leaf(tree, -1 - node, ray, found)
+            closest_in_leaf(tree, -1 - node, ray, found)
+        while nearest == NO_NODE and count > 0:
+            count -= 1
+            if distances[count] < found.distance:
+                nearest = waiting[count]
+        node = nearest
+    if found.slot != NO_SLOT:
+        found.face = tree.faces[found.slot]
     return found
 
 
-@wp.func
-def any_in_tree(tree: WideTreeView, root: int, origin: wp.vec3, direction: wp.vec3, reach: float) -> bool:
-    """Whether there is any triangle nearer than `reach`."""
-    no_hit = TriangleHit()
-    no_hit.face = NO_FACE
-    no_hit.distance = reach
-    ray = slab_ray(origin, direction)
-    # Of each node on the way here, the boxes that are still to be visited.
-    nodes = stack_of_levels()
-    masks = stack_of_levels()
-    level = int(0)
-    node = int(root)
-    mask, _near = intersect_boxes(tree, node, ray, reach)
-    while True:
-        if mask != 0:
-            child = tree.children[8 * node + first_set_bit(mask)]
-            mask = mask & (mask - 1)
-            if child >= 0:
-                nodes[level] = node
-                masks[level] = mask
-                level += 1
-                node = child
-                mask, _near = intersect_boxes(tree, node, ray, reach)
-            elif closest_in_leaf(tree, -1 - child, ray, no_hit).face != NO_FACE:
-                return True
-        elif level > 0:
-            level -= 1
-            node = nodes[level]
-            mask = masks[level]
-        else:
-            return False
+def make_occlusion_in_tree(blocks: wp.Function) -> wp.Function:
+    """A function for what is between the ends of a segment: OPEN, VEILED or BLOCKED.
+
+    blocks(scene, light, instance, face): whether a triangle lets no light through, wherever it is met.
+    """
+
+    @wp.func
+    def occlusion_in_tree(
+        scene: SceneView, light: int, instance: int, root: int, origin: wp.vec3, direction: wp.vec3, reach: float
+    ) -> int:
+        occlusion = int(OPEN)
+        found = TriangleHit()
+        found.slot = NO_SLOT
+        found.distance = reach
+        ray = slab_ray(origin, direction)
+        waiting = stack_of_nodes()
+        count = int(0)
+        node = int(root)
+        while node != NO_NODE:
+            child = int(NO_NODE)
+            if node >= 0:
+                mask, _near = intersect_boxes(scene.tree, node, ray, reach)
+                if mask != 0:
+                    child = scene.tree.children[8 * node + first_set_bit(mask)]
+                    mask = mask & (mask - 1)
+                    prefetch_child(scene.tree, child)
+                    while mask != 0:
+                        other = scene.tree.children[8 * node + first_set_bit(mask)]
+                        mask = mask & (mask - 1)
+                        prefetch_child(scene.tree, other)
+                        waiting[count] = other
+                        count += 1
+            else:
+                closest_in_leaf(scene.tree, -1 - node, ray, found)
+                if found.slot != NO_SLOT:
+                    occlusion = VEILED
+                    if blocks(scene, light, instance, scene.tree.faces[found.slot]):
+                        occlusion = BLOCKED
+                        count = 0
+                    found.slot = NO_SLOT
+                    found.distance = reach
+            if child == NO_NODE and count > 0:
+                count -= 1
+                child = waiting[count]
+            node = child
+        return occlusion
+
+    return occlusion_in_tree

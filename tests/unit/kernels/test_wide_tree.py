@@ -10,9 +10,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.device.mesh import padded_boxes
-from warpmis.device.views import WideTreeView
+from warpmis.device.views import SceneView, WideTreeView
 from warpmis.device.wide_tree import HALVING_LEVEL, WIDTH, wide_trees
-from warpmis.kernels.wide_tree import LEVELS, STACK_SIZE, any_in_tree, closest_in_tree
+from warpmis.kernels.wide_tree import BLOCKED, OPEN, STACK_SIZE, VEILED, closest_in_tree, make_occlusion_in_tree
 
 Soup = tuple[NDArray[np.float32], NDArray[np.int32]]
 
@@ -88,12 +88,19 @@ def test_no_tree_needs_more_than_the_stack() -> None:
     """Seven children of each level wait, and the last level's eighth: of as many triangles as an index can count."""
     most = HALVING_LEVEL + math.ceil(math.log(2**31, WIDTH))
     assert 7 * most + 1 <= STACK_SIZE
-    assert most <= LEVELS
+
+
+@wp.func
+def every_third_is_clear(scene: SceneView, light: int, instance: int, face: int) -> bool:
+    return face % 3 != 0
+
+
+occlusion_in_tree = make_occlusion_in_tree(every_third_is_clear)
 
 
 @wp.kernel(module="unique", enable_backward=False)
 def shoot(
-    tree: WideTreeView,
+    scene: SceneView,
     root: int,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -102,23 +109,26 @@ def shoot(
     met: wp.array(dtype=int),
 ):
     i = wp.tid()
-    nearest = closest_in_tree(tree, root, origins[i], directions[i], reach)
+    nearest = closest_in_tree(scene.tree, root, origins[i], directions[i], reach)
     found[i] = wp.vec4(nearest.distance, float(nearest.face), nearest.u, nearest.v)
-    met[i] = wp.where(any_in_tree(tree, root, origins[i], directions[i], reach), 1, 0)
+    met[i] = occlusion_in_tree(scene, 0, 0, root, origins[i], directions[i], reach)
 
 
 def shot(tree: WideTreeView, root: int, rays: tuple[np.ndarray, np.ndarray], reach: float) -> tuple[np.ndarray, ...]:
     origins, directions = (wp.array(e, dtype=wp.vec3, device="cpu") for e in rays)
     found = wp.zeros(len(rays[0]), dtype=wp.vec4, device="cpu")
     met = wp.zeros(len(rays[0]), dtype=int, device="cpu")
-    wp.launch(shoot, len(met), [tree, root, origins, directions, reach, found, met], device="cpu")
+    scene = SceneView()
+    scene.tree = tree
+    wp.launch(shoot, len(met), [scene, root, origins, directions, reach, found, met], device="cpu")
     return found.numpy(), met.numpy()
 
 
 def searched(
     soup: Soup, rays: tuple[np.ndarray, np.ndarray], reach: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """In float64, one after another: distance and face (-1: none), and where that is beyond doubt.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """In float64, one after another: distance and face (-1: none) of the closest, which are hit, shape (rays, faces),
+    and where all that is beyond doubt.
 
     Reference: Möller, Trumbore (1997), "Fast, Minimum Storage Ray/Triangle Intersection".
     """
@@ -141,7 +151,8 @@ def searched(
         sure[i] = not (np.abs(edge) < 1e-4).any() and (np.abs(t[edge > 0.0] - reach) > 1e-4).all()
         sure[i] &= np.isinf(near[0]) or (near[0] > 1e-4 and cosine[distances[i].argmin()] > 0.01)
         sure[i] &= len(near) < 2 or np.isinf(near[1]) or near[1] - near[0] > 1e-4
-    return distances.min(axis=1), np.where(np.isinf(distances.min(axis=1)), -1, distances.argmin(axis=1)), sure
+    closest = np.where(np.isinf(distances.min(axis=1)), -1, distances.argmin(axis=1))
+    return distances.min(axis=1), closest, np.isfinite(distances), sure
 
 
 @pytest.mark.parametrize(
@@ -162,10 +173,15 @@ def test_finds_what_a_search_through_all_finds(name: str, reach: float) -> None:
     tree, roots = wide_trees(both, indices, [0, 40, 40 + len(triangles)], [3.0, 3.0])
     assert roots[1] > 0
     found, met = shot(tree, roots[1], (origins, directions), reach)
-    distance, face, sure = searched(SOUPS[name], (origins, directions), reach)
+    distance, face, hits, sure = searched(SOUPS[name], (origins, directions), reach)
     assert sure.mean() > 0.5
     assert (found[sure, 1] == face[sure]).all()
-    assert (met[sure] == (face[sure] >= 0)).all()
+    assert (met[sure] != OPEN).tolist() == (face[sure] >= 0).tolist()
+    blocked = hits[:, np.arange(len(triangles)) % 3 != 0].any(axis=1)
+    assert blocked[sure & (met == BLOCKED)].all()
+    # A clear triangle hides those behind it in its leaf.
+    assert (met[sure & blocked] == BLOCKED).sum() >= 0.9 * (sure & blocked).sum()
+    assert (met[sure & ~blocked & (face >= 0)] == VEILED).all()
     hit = sure & (face >= 0)
     assert hit.sum() > 100
     np.testing.assert_allclose(found[hit, 0], distance[hit], rtol=1e-4, atol=1e-6)

@@ -91,7 +91,7 @@ def make_control(features: Features) -> SimpleNamespace:
         """Receiver.prim of a point on a surface; 0 where no light asks for it."""
         if scene.controls.shape[0] == 0:
             return 0
-        return intersect.prim_of(scene, hit)
+        return intersect.prim_at(scene, hit.instance, hit.triangle)
 
     @wp.func
     def factor(scene: SceneView, index: int, r: wp.ref[Receiver], wi: wp.vec3) -> wp.vec3:

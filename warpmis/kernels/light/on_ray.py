@@ -19,7 +19,8 @@ from warpmis.kernels.light.records import NO_LIGHT, LightHit, RayStretch, Receiv
 from warpmis.kernels.light.tree import CENTER, HALF, ROWS
 from warpmis.kernels.medium import transmittance
 from warpmis.kernels.mis import balance_weight
-from warpmis.kernels.wide_tree import SlabRay, slab_ray, stack_of_levels
+from warpmis.kernels.shadow import has_shadow_link
+from warpmis.kernels.wide_tree import SlabRay, slab_ray
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
@@ -28,6 +29,10 @@ wp.set_module_options({"enable_backward": False})
 SHADOW_END = wp.constant(0.9999)
 # Rays are followed so much farther than to the surface that ends them: a light flush with it shines.
 FLUSH = wp.constant(1.001)
+
+# Levels of the lights' tree: 24 turns by cost, then halves (device/light_tree.py: HALVING_LEVEL), three turns a level.
+LEVELS = 20
+stack_of_levels = wp.types.vector(length=LEVELS, dtype=wp.int32)
 
 
 @wp.struct
@@ -155,7 +160,7 @@ def make_on_ray(
                 ray.infinite += of_light
         through = wp.vec3(1.0, 1.0, 1.0)
         if wp.static(features.shadow_links):
-            if r.is_surface and intersect.has_shadow_link(scene, index):  # the camera does not see through
+            if r.is_surface and has_shadow_link(scene, index):  # the camera does not see through
                 # What ends the ray tells nothing of this light's shadows: found on the first stretch, or never.
                 through = intersect.transmittance(scene, index, r.x, wi, h.distance * SHADOW_END)
                 h.distance = wp.where(stretch.near == 0.0, 0.5 * stretch.far, 0.0)

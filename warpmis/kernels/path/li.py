@@ -19,7 +19,7 @@ from warpmis.kernels.bsdf.rough_interface import InterfaceSide
 from warpmis.kernels.bsdf.surface import make_surface
 from warpmis.kernels.camera import CameraRay
 from warpmis.kernels.direct_light import make_direct_light
-from warpmis.kernels.intersect import MAX_TRANSPARENT, make_intersect
+from warpmis.kernels.intersect import make_intersect
 from warpmis.kernels.light.distant import INFINITE_DISTANCE
 from warpmis.kernels.light.table import make_lights
 from warpmis.kernels.material import make_material
@@ -32,6 +32,7 @@ from warpmis.kernels.path.throughput import make_throughput
 from warpmis.kernels.path.vertex import make_vertex
 from warpmis.kernels.sampler import make_sampler
 from warpmis.kernels.shading_frame import to_local
+from warpmis.kernels.shadow import MAX_TRANSPARENT
 from warpmis.scene.features import Features
 
 wp.set_module_options({"enable_backward": False})
