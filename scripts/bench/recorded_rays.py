@@ -36,7 +36,7 @@ class Rays:
 @wp.func
 def record(scene: SceneView, origin: wp.vec3, wi: wp.vec3, length: float):
     """Append a ray. A scene without a dome leaves the dome's tables free to hold them."""
-    slot = int(wp.atomic_add(scene.dome.marginal, 0, 1.0))
+    slot = int(wp.atomic_add(scene.dome.marginal, 0, 0, 1.0))
     if slot < scene.dome.columns:
         scene.dome.picture[slot, 0] = origin
         scene.dome.picture[slot, 1] = wi
@@ -66,13 +66,13 @@ def record_rays(scene: Scene, samples: int, max_depth: int, capacity: int) -> Ra
     uploaded = upload(scene, "cpu")
     view = uploaded.view
     view.dome.columns = capacity
-    view.dome.marginal = wp.zeros(1, dtype=float, device="cpu")
+    view.dome.marginal = wp.zeros((1, 1), dtype=float, device="cpu")
     view.dome.picture = wp.zeros((capacity, 2), dtype=wp.vec3, device="cpu")
     view.dome.conditional = wp.zeros((capacity, 1), dtype=float, device="cpu")
     pixels = uploaded.camera.width * uploaded.camera.height
     run = recording_kernel(detect(scene).with_sampler("independent"))
     wp.launch(run, dim=pixels, inputs=[view, uploaded.camera, samples, max_depth], device="cpu")
-    count = int(view.dome.marginal.numpy()[0])
+    count = int(view.dome.marginal.numpy()[0, 0])
     if count > capacity:
         raise SystemExit(f"{count} rays do not fit into {capacity}; record fewer pixels or samples")
     rays = view.dome.picture.numpy()[:count]

@@ -15,8 +15,9 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 from toys import filled, solve, sums
 
+from warpmis.device.environment import index_of
 from warpmis.film.film import Film
-from warpmis.kernels.light.dome import upper_bound
+from warpmis.kernels.light.dome import upper_bound, upper_bound_by_index
 from warpmis.kernels.moments import Layout
 from warpmis.kernels.strategies import make_strategies
 from warpmis.learn.expectation import make_expectation
@@ -170,9 +171,12 @@ def test_choice_inverts_the_cumulated_shares(weights: FloatArray, total: float, 
 
 
 @wp.kernel(module="unique", enable_backward=False)
-def bounds(cdf: wp.array(dtype=float), u: wp.array(dtype=float), out: wp.array(dtype=int)):
+def bounds(
+    cdf: wp.array2d(dtype=float), index: wp.array2d(dtype=int), u: wp.array(dtype=float), out: wp.array2d(dtype=int)
+):
     i = wp.tid()
-    out[i] = upper_bound(cdf, 0, cdf.shape[0], u[i])
+    out[i, 0] = upper_bound(cdf[0], 0, cdf.shape[1], u[i])
+    out[i, 1] = upper_bound_by_index(cdf, index, 0, u[i])
 
 
 @many
@@ -181,18 +185,18 @@ def bounds(cdf: wp.array(dtype=float), u: wp.array(dtype=float), out: wp.array(d
     st.lists(NUMBERS, min_size=1),
 )
 def test_bisection_inverts_a_cumulative_distribution(weights: FloatArray, numbers: list[float]) -> None:
-    """cdf[i - 1] <= u < cdf[i]: never an entry of weight 0, as device/environment.py makes the tables."""
+    """cdf[i - 1] <= u < cdf[i]: never an entry of weight 0, as device/environment.py makes the tables; by index too."""
     if weights.sum() == 0.0:
         weights = np.ones_like(weights)
     cdf = np.cumsum(weights / weights.sum())
     cdf = (cdf / cdf[-1]).astype(np.float32)
     u = np.array(numbers, dtype=np.float32)
-    out = wp.zeros(len(u), dtype=int, device="cpu")
-    inputs = [wp.array(cdf, dtype=float, device="cpu"), wp.array(u, dtype=float, device="cpu"), out]
+    out = wp.zeros((len(u), 2), dtype=int, device="cpu")
+    inputs = [wp.array(cdf[None], dtype=float), wp.array(index_of(cdf[None]), dtype=int), wp.array(u, dtype=float), out]
     wp.launch(bounds, dim=len(u), inputs=inputs, device="cpu")
-    found = out.numpy()
     begins = np.concatenate([np.zeros(1, dtype=np.float32), cdf])
-    assert ((begins[found] <= u) & (u < cdf[found])).all()
+    for found in out.numpy().T:
+        assert ((begins[found] <= u) & (u < cdf[found])).all()
 
 
 # ---- film -----------------------------------------------------------------------------------------------------------

@@ -120,3 +120,22 @@ def distribution(environment: Environment, mis_compensation: bool = False) -> Pi
     p_column = np.diff(conditional32.astype(np.float64), prepend=0.0, axis=1)
     density = p_row[:, None] * p_column * rows * columns
     return PictureDistribution(marginal32, conditional32, density.astype(np.float32))
+
+
+def index_of(cumulative: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Where to begin and to end the search for the first column above a value, for kernels/light/dome.py.
+
+    Args:
+        cumulative: distributions that end with 1, shape (rows, columns).
+
+    Returns:
+        of each row the first column above k / n, for k from 0 to n, a power of two at least half of the columns (so
+        that float32 finds a value's part without rounding), shape (rows, n + 1).
+    """
+    rows, columns = cumulative.shape
+    parts = 1 << max((columns - 1).bit_length() - 1, 0)
+    values = np.arange(parts + 1, dtype=np.float32) / np.float32(parts)
+    index = np.empty((rows, parts + 1), np.int32)
+    for row in range(rows):
+        index[row] = np.searchsorted(cumulative[row], values, side="right")
+    return np.minimum(index, columns - 1)

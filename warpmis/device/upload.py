@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpmis.device.emitters import upload_emitters
-from warpmis.device.environment import distribution
+from warpmis.device.environment import distribution, index_of
 from warpmis.device.instances import largest_shrinking, place_primvars, upload_instances
 from warpmis.device.light import LightTables, light_tables
 from warpmis.device.light_control import control_view
@@ -285,8 +285,11 @@ def dome_view(tables: LightTables, mis_compensation: bool) -> DomeView:
     if environment.picture is not None:
         tables_of_picture = distribution(environment, mis_compensation)
         view.picture = wp.array(environment.picture, dtype=wp.vec3)
-        view.marginal = wp.array(tables_of_picture.marginal, dtype=float)
+        marginal = tables_of_picture.marginal[None]
+        view.marginal = wp.array(marginal, dtype=float)
+        view.marginal_index = wp.array(index_of(marginal), dtype=int)
         view.conditional = wp.array(tables_of_picture.conditional, dtype=float)
+        view.conditional_index = wp.array(index_of(tables_of_picture.conditional), dtype=int)
         view.density = wp.array(tables_of_picture.density, dtype=float)
         view.rows, view.columns = environment.picture.shape[:2]
     return view

@@ -226,15 +226,18 @@ class DeltaLightView:
 
 @wp.struct
 class DomeView:
-    """The environment. marginal and conditional are cumulative distributions of the rows and, within each, of the
-    columns, each ending with 1; density is the probability density over the unit square (u, v)."""
+    """The environment. marginal, of one row, and conditional are cumulative distributions of the rows and, within each,
+    of the columns, each ending with 1, with an index to search them by (environment.py: index_of); density is the
+    probability density over the unit square (u, v)."""
 
     to_world: wp.mat33
     to_dome: wp.mat33
     radiance: wp.vec3
     picture: wp.array2d(dtype=wp.vec3)
-    marginal: wp.array(dtype=float)
+    marginal: wp.array2d(dtype=float)
+    marginal_index: wp.array2d(dtype=int)
     conditional: wp.array2d(dtype=float)
+    conditional_index: wp.array2d(dtype=int)
     density: wp.array2d(dtype=float)
     rows: int
     columns: int

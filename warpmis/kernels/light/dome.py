@@ -59,10 +59,17 @@ def dome_pdf(dome: DomeView, uv: wp.vec2) -> float:
 
 
 @wp.func
-def upper_bound_of_row(cdf: wp.array2d(dtype=float), row: int, count: int, value: float) -> int:
-    """First column whose cumulative share exceeds value."""
-    first = int(0)
-    last = int(count - 1)
+def upper_bound_by_index(cdf: wp.array2d(dtype=float), index: wp.array2d(dtype=int), row: int, value: float) -> int:
+    """First column of the row whose cumulative share exceeds value, in [0, 1).
+
+    index[row, k]: the same for k parts of 2^n: what is left to search is a column or two.
+
+    Reference: Chen, Asau (1974), "On Generating Random Variates from an Empirical Distribution".
+    """
+    parts = index.shape[1] - 1
+    part = wp.min(int(value * float(parts)), parts - 1)
+    first = index[row, part]
+    last = index[row, part + 1]
     while first < last:
         middle = (first + last) / 2
         if cdf[row, middle] <= value:
@@ -90,12 +97,12 @@ def upper_bound(cdf: wp.array(dtype=float), begin: int, count: int, value: float
 def sample_dome_picture(dome: DomeView, u: float, v: float) -> LightSample:
     """A row by the marginal distribution, a column within it, a place uniform in the texel."""
     s = LightSample()
-    row = upper_bound(dome.marginal, 0, dome.rows, v)
+    row = upper_bound_by_index(dome.marginal, dome.marginal_index, 0, v)
     row_begin = float(0.0)
     if row > 0:
-        row_begin = dome.marginal[row - 1]
-    y = (v - row_begin) / wp.max(dome.marginal[row] - row_begin, 1.0e-30)
-    column = upper_bound_of_row(dome.conditional, row, dome.columns, u)
+        row_begin = dome.marginal[0, row - 1]
+    y = (v - row_begin) / wp.max(dome.marginal[0, row] - row_begin, 1.0e-30)
+    column = upper_bound_by_index(dome.conditional, dome.conditional_index, row, u)
     column_begin = float(0.0)
     if column > 0:
         column_begin = dome.conditional[row, column - 1]
