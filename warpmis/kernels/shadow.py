@@ -31,7 +31,7 @@ def has_shadow_link(scene: SceneView, light: int) -> bool:
 
 def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Function:
     """The function for the transmittance of a shadow ray. surfaces: the other functions of kernels/intersect.py."""
-    is_simple = not features.opacity and not features.shadow_links
+    all_block = not features.opacity and not features.shadow_links
 
     @wp.func
     def is_caster(scene: SceneView, light: int, instance: int, triangle: int) -> bool:
@@ -49,10 +49,11 @@ def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Func
         return material.opacity >= 1.0
 
     @wp.func
-    def blocks(scene: SceneView, light: int, instance: int, face: int) -> bool:
-        """Whether the triangle of a mesh lets no light through, wherever it is met."""
-        if wp.static(is_simple):
-            return True
+    def any_blocks(scene: SceneView, light: int, instance: int, face: int) -> bool:
+        return True
+
+    @wp.func
+    def opaque_caster_blocks(scene: SceneView, light: int, instance: int, face: int) -> bool:
         triangle = face + 0
         if wp.static(features.instances):
             if instance != NO_INSTANCE:
@@ -61,7 +62,7 @@ def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Func
             return False
         return is_opaque(scene.materials[scene.triangles[triangle].material])
 
-    occlusion_in_tree = make_occlusion_in_tree(blocks)
+    occlusion_in_tree = make_occlusion_in_tree(any_blocks if all_block else opaque_caster_blocks)
 
     @wp.func
     def occlusion_in_mesh(
@@ -77,9 +78,11 @@ def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Func
         """OPEN, VEILED or BLOCKED. Warp's own query for any triangle cannot pass some by."""
         if wp.static(features.tree == "wide"):
             return occlusion_in_tree(scene, light, instance, root, origin, wi, reach)
-        if wp.static(not is_simple):
-            return VEILED
-        return wp.where(wp.mesh_query_ray_anyhit(mesh, origin, wi, reach), BLOCKED, OPEN)
+        else:
+            if wp.static(all_block):
+                return wp.where(wp.mesh_query_ray_anyhit(mesh, origin, wi, reach), BLOCKED, OPEN)
+            else:
+                return VEILED
 
     @wp.func
     def occlusion(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> int:
@@ -98,30 +101,37 @@ def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Func
         return met
 
     @wp.func
+    def visibility(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
+        """Share of the light that arrives where every surface blocks: 1 or 0."""
+        if occlusion(scene, light, origin, wi, distance) == OPEN:
+            return wp.vec3(1.0, 1.0, 1.0)
+        return wp.vec3(0.0, 0.0, 0.0)
+
+    @wp.func
     def transmittance(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> wp.vec3:
-        """Share of the light that arrives, per colour."""
+        """The same, per colour, where surfaces let light through, or cast no shadow from this light."""
         share = wp.vec3(1.0, 1.0, 1.0)
         met = occlusion(scene, light, origin, wi, distance)
         if met == OPEN:
             return share
-        if wp.static(not is_simple):
-            if met == VEILED:
-                start = origin
-                remaining = distance
-                for _surface in range(MAX_TRANSPARENT):
-                    hit = surfaces.closest_hit(scene, start, wi)
-                    if hit.distance >= remaining:
-                        return share
-                    if is_caster(scene, light, hit.instance, hit.triangle):
-                        if is_opaque(scene.materials[scene.triangles[hit.triangle].material]):
-                            return wp.vec3(0.0, 0.0, 0.0)
-                        material = surfaces.material_at(scene, hit.triangle, hit.instance, hit.u, hit.v)
-                        cos_theta = to_local(surfaces.shading_frame(scene, hit, material, wi), -wi)[2]
-                        share = wp.cw_mul(share, surfaces.transparency(scene, material, cos_theta))
-                        if luminance(share) <= 0.0:
-                            return share
-                    remaining -= hit.distance
-                    start = hit.p - hit.ng * hit.offset
+        if met == BLOCKED:
+            return wp.vec3(0.0, 0.0, 0.0)
+        start = origin
+        remaining = distance
+        for _surface in range(MAX_TRANSPARENT):
+            hit = surfaces.closest_hit(scene, start, wi)
+            if hit.distance >= remaining:
+                return share
+            if is_caster(scene, light, hit.instance, hit.triangle):
+                if is_opaque(scene.materials[scene.triangles[hit.triangle].material]):
+                    return wp.vec3(0.0, 0.0, 0.0)
+                material = surfaces.material_at(scene, hit.triangle, hit.instance, hit.u, hit.v)
+                cos_theta = to_local(surfaces.shading_frame(scene, hit, material, wi), -wi)[2]
+                share = wp.cw_mul(share, surfaces.transparency(scene, material, cos_theta))
+                if luminance(share) <= 0.0:
+                    return share
+            remaining -= hit.distance
+            start = hit.p - hit.ng * hit.offset
         return wp.vec3(0.0, 0.0, 0.0)
 
-    return transmittance
+    return visibility if all_block else transmittance

@@ -45,7 +45,7 @@ FUNCTIONS = {
     "light_pictures": ("picture_factor",),
     "light_response": ("make_control__locals__response",),
     "light_links": ("make_control__locals__factor",),
-    "shadow_links": ("make_intersect__locals__has_shadow_link",),
+    "shadow_links": ("has_shadow_link",),
     "clearcoat": ("coat_albedo",),
     "smooth": ("make_events__locals__choose",),
     "emissive_instances": (
@@ -53,8 +53,12 @@ FUNCTIONS = {
         "receiver_in_place",
         "make_on_ray__locals__pdf_emitters_of_places",
     ),
-    "instances": ("make_instances__locals__closest_hit_of_all", "instance_surface", "normal_to_world"),
-    "opacity": ("make_intersect__locals__transmittance", "make_intersect__locals__transparency"),
+    "instances": (
+        "make_instances__locals__closest_hit_of_all",
+        "make_instances__locals__instance_surface",
+        "normal_to_world",
+    ),
+    "opacity": ("make_transmittance__locals__is_opaque", "make_intersect__locals__transparency"),
     "transmission": ("sample_interface", "pane_transmittance"),
     "rough_transmission": ("evaluate_side", "make_interface__locals__add_light_and_choose_side"),
     "absorption": ("make_emission__locals__arriving",),
@@ -180,8 +184,9 @@ def test_arrays_of_absent_effects_are_not_uploaded() -> None:
     sky = DomeLight("/sky", np.eye(3), np.ones(3), np.ones((4, 8, 3), np.float32))
     open_room = replace(scenes.room(), lights=(sky,))
     with_dome = warpmis.render(open_room, method="balance", spp=1).stats["bytes"]["scene"]
-    # Picture (12 bytes a texel), rows (4), and within them cumulative shares and density (4 each).
-    assert with_dome["dome"] == 4 * 8 * 12 + 4 * 4 + 2 * 4 * 8 * 4
+    # Picture (12 bytes a texel), rows (4), and within them cumulative shares and density (4 each); half as many parts
+    # of the rows and of each row's columns, and one more.
+    assert with_dome["dome"] == 4 * 8 * 12 + 4 * 4 + 2 * 4 * 8 * 4 + 4 * (2 + 1) + 4 * 4 * (4 + 1)
     assert set(with_dome) == {*plain, "dome"}
 
 
