@@ -88,7 +88,7 @@ GLASS_CASES = [
     HardCase(
         "panes-in-a-row",
         trouble="a shadow ray through many panes",
-        remedy="each lets its share through, up to 64 (kernels/intersect.py: MAX_TRANSPARENT)",
+        remedy="each lets its share through, up to 64 (kernels/shadow.py: MAX_TRANSPARENT)",
         build=lambda: stage(
             *(box(0.1 * k, f"Pane{k}", None, bound()) for k in range(1, 12)), glass(thin_walled=True), FRONT, SKY
         ),

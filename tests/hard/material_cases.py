@@ -150,7 +150,7 @@ MATERIAL_CASES = [
     HardCase(
         "seen-through-70-layers-of-opacity-0",
         trouble="a path through endless layers never ends",
-        remedy="refused beyond 64 layers: black behind them (kernels/intersect.py: MAX_TRANSPARENT)",
+        remedy="refused beyond 64 layers: black behind them (kernels/shadow.py: MAX_TRANSPARENT)",
         build=lambda: stage(
             mesh(
                 "Layers",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import atexit
+import gc
 import os
 import sys
 import traceback
@@ -29,6 +30,9 @@ EXIT_USAGE = 2
 def program() -> NoReturn:
     """`warpmis` in a shell: run its command and end the process with its status."""
     open_closed_streams()
+    # Modules and kernels' syntax trees stay to the end: to walk through them in search of garbage, as often as Python
+    # does by default, took a seventh of a start.
+    gc.set_threshold(50_000, 20, 50)
     status = main()
     compilation = sys.modules.get("warpmis.device.compilation")
     if compilation is not None and compilation.is_compiling():
