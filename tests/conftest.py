@@ -19,12 +19,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.option.loadscopereorder = False  # pytest-xdist's own order, by the number of a file's tests
-
-
-def pytest_collection_finish() -> None:
-    """A process keeps six thousand tests and some hundred kernels' syntax trees: to walk through them for what is no
-    longer used, as often as Python does, took a twelfth of the time."""
-    gc.freeze()
+    # A process keeps six thousand tests and some hundred kernels' syntax trees, which Python would walk through for
+    # garbage again and again.
     gc.set_threshold(50_000, 20, 100)
 
 

@@ -12,7 +12,6 @@ from dataclasses import asdict, replace
 import warpmis
 from warpmis.scene.features import Features, detect
 
-FEW = Features(rect_light=True, sphere_light=True, dome_constant=True, glossy_choice=True, specular=True, indirect=True)
 LIGHTS = Features(
     rect_light=True,
     disk_light=True,
@@ -61,11 +60,11 @@ AS_THE_SCENE_HAS_IT = ("light_tree", "instances", "emissive_instances")
 def shared(scene: warpmis.Scene) -> Features:
     """The first of the common sets of effects that holds those of the scene, or just these. A kernel of all effects
     takes as long to compile as three of a scene's own; so does one of the larger sets with a tree of lights, which few
-    scenes have: they share a set of their own. The scenes by which methods are tested call for few effects."""
+    scenes have: they share a set of their own."""
     own = detect(scene)
     kept = {name: getattr(own, name) for name in AS_THE_SCENE_HAS_IT}
     alone = () if any(kept.values()) else (LOOKS, CONTROLS, GLASS)
-    sets = (TREES,) if own.light_tree else (FEW, LIGHTS, *alone)
+    sets = (TREES,) if own.light_tree else (LIGHTS, *alone)
     candidates = (replace(one, **kept) for one in (*sets, own))
     return next(features for features in candidates if effects_of(own) <= effects_of(features))
 
