@@ -68,8 +68,8 @@ def offset_of(instance: InstanceView, p: wp.vec3, n: wp.vec3, n_world: wp.vec3, 
     return OFFSET * (max_abs(world) + max_abs(instance.translation) + along_n_world)
 
 
-def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
-    """With the functions of kernels/hit.py: closest_hit_of_all."""
+def make_instances(hits: SimpleNamespace) -> wp.Function:
+    """With the functions of kernels/hit.py: the one for the closest surface, in world space or of an instance."""
 
     @wp.func
     def instance_surface(scene: SceneView, found: InstanceHit, wi: wp.vec3) -> Hit:
@@ -114,7 +114,6 @@ def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
 
     @wp.func
     def closest_hit_of_all(scene: SceneView, origin: wp.vec3, wi: wp.vec3) -> Hit:
-        """The closest surface, in world space or of an instance."""
         hit = hits.closest_hit(scene, origin, wi)
         if scene.instance_count > 0:
             found = closest_instance(scene, origin, wi, hit.distance)
@@ -122,4 +121,4 @@ def make_instances(hits: SimpleNamespace) -> SimpleNamespace:
                 return instance_surface(scene, found, wi)
         return hit
 
-    return SimpleNamespace(closest_hit_of_all=closest_hit_of_all)
+    return closest_hit_of_all

@@ -25,8 +25,7 @@ def make_intersect(features: Features) -> SimpleNamespace:
     transmittance."""
     materials = make_material(features)
     hits = make_hit(features)
-    instances = make_instances(hits)
-    closest = instances.closest_hit_of_all if features.instances else hits.closest_hit
+    closest = make_instances(hits) if features.instances else hits.closest_hit
 
     @wp.func
     def apply_normal_map(scene: SceneView, hit: Hit, material: MaterialView, wi: wp.vec3, n: wp.vec3) -> wp.vec3:

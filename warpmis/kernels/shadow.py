@@ -49,6 +49,16 @@ def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Func
         return material.opacity >= 1.0
 
     @wp.func
+    def every_surface_blocks(scene: SceneView, light: int) -> bool:
+        if wp.static(features.opacity):
+            return False
+        else:
+            if wp.static(features.shadow_links):
+                return not has_shadow_link(scene, light)
+            else:
+                return True
+
+    @wp.func
     def any_blocks(scene: SceneView, light: int, instance: int, face: int) -> bool:
         return True
 
@@ -75,18 +85,18 @@ def make_transmittance(features: Features, surfaces: SimpleNamespace) -> wp.Func
         wi: wp.vec3,
         reach: float,
     ) -> int:
-        """OPEN, VEILED or BLOCKED. Warp's own query for any triangle cannot pass some by."""
+        """OPEN, VEILED or BLOCKED; by Warp's own query, which cannot pass some by, where every surface blocks."""
         if wp.static(features.tree == "wide"):
             return occlusion_in_tree(scene, light, instance, root, origin, wi, reach)
         else:
-            if wp.static(all_block):
-                return wp.where(wp.mesh_query_ray_anyhit(mesh, origin, wi, reach), BLOCKED, OPEN)
-            else:
-                return VEILED
+            return wp.where(wp.mesh_query_ray_anyhit(mesh, origin, wi, reach), BLOCKED, OPEN)
 
     @wp.func
     def occlusion(scene: SceneView, light: int, origin: wp.vec3, wi: wp.vec3, distance: float) -> int:
-        """The same, of the whole world."""
+        """The same, of the whole world; by Warp's own query VEILED, unseen, where some surface may not block."""
+        if wp.static(features.tree != "wide"):
+            if not every_surface_blocks(scene, light):
+                return VEILED
         met = occlusion_in_mesh(scene, light, NO_INSTANCE, scene.mesh, scene.root, origin, wi, distance)
         if wp.static(features.instances):
             if scene.instance_count > 0:

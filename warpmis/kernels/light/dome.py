@@ -59,27 +59,6 @@ def dome_pdf(dome: DomeView, uv: wp.vec2) -> float:
 
 
 @wp.func
-def upper_bound_by_index(cdf: wp.array2d(dtype=float), index: wp.array2d(dtype=int), row: int, value: float) -> int:
-    """First column of the row whose cumulative share exceeds value, in [0, 1).
-
-    index[row, k]: the same for k parts of 2^n: what is left to search is a column or two.
-
-    Reference: Chen, Asau (1974), "On Generating Random Variates from an Empirical Distribution".
-    """
-    parts = index.shape[1] - 1
-    part = wp.min(int(value * float(parts)), parts - 1)
-    first = index[row, part]
-    last = index[row, part + 1]
-    while first < last:
-        middle = (first + last) / 2
-        if cdf[row, middle] <= value:
-            first = middle + 1
-        else:
-            last = middle
-    return first
-
-
-@wp.func
 def upper_bound(cdf: wp.array(dtype=float), begin: int, count: int, value: float) -> int:
     """First entry of cdf[begin : begin + count] that exceeds value, counted from begin."""
     first = int(0)
@@ -91,6 +70,21 @@ def upper_bound(cdf: wp.array(dtype=float), begin: int, count: int, value: float
         else:
             last = middle
     return first
+
+
+@wp.func
+def upper_bound_by_index(cdf: wp.array2d(dtype=float), index: wp.array2d(dtype=int), row: int, value: float) -> int:
+    """First column of the row whose cumulative share exceeds value, in [0, 1).
+
+    index[row, k]: the same for k parts of 2^n: what is left to search is a column or two.
+
+    Reference: Chen, Asau (1974), "On Generating Random Variates from an Empirical Distribution".
+    """
+    parts = index.shape[1] - 1
+    part = wp.min(int(value * float(parts)), parts - 1)
+    first = index[row, part]
+    last = index[row, part + 1]
+    return first + upper_bound(cdf[row], first, last - first + 1, value)
 
 
 @wp.func
